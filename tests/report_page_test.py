@@ -55,12 +55,17 @@ class Page(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
+        cls.prepare()
         done = subprocess.run([GRAYBOX, *cls.command], cwd=cls.folder.name, capture_output=True, text=True, check=False)
         if done.returncode not in (0, 1):
             raise RuntimeError(done.stderr)
         cls.file = Path(cls.folder.name) / cls.page
         cls.text = cls.file.read_text(encoding="utf-8")
         cls.browser = started_browser()
+
+    @classmethod
+    def prepare(cls):
+        """Makes the files that the command reads."""
 
     @classmethod
     def tearDownClass(cls):
@@ -454,8 +459,134 @@ class Study(Page):
         self.assertIn(f"Worst instance: {slowest[1]}, Q = {slowest[2]}", text)
 
 
+class Design(Page):
+    """The page of a design against design.json; the robot's poses turn."""
+    command = ["solve", "robot.h5", "--gap", "1e-9", "-o", "design.json", "--report", "page.html", "--model", "default"]
+    page = "page.html"
+
+    @classmethod
+    def prepare(cls):
+        subprocess.run([GRAYBOX, "problem", "robot", "--grid", "300", "-o", "robot.h5"], cwd=cls.folder.name,
+                       capture_output=True, check=True)
+
+    def setUp(self):
+        super().setUp()
+        self.design = json.loads((self.file.parent / "design.json").read_text(encoding="utf-8"))
+        self.data = json.loads(self.ask("document.getElementById('data').textContent"))
+
+    def test_table_is_the_design(self):
+        support = {entry["index"]: entry for entry in self.design["support"]}
+        rows = self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [...row.cells].map(cell => Number(cell.dataset.value)))""")
+        self.assertEqual({row[1] for row in rows}, set(support))
+        self.assertEqual([row[0] for row in rows], list(range(1, len(support) + 1)))
+        for row in rows:
+            entry = support[row[1]]
+            self.assertEqual(row[2:8], list(entry["candidate"].values()))
+            self.assertAlmostEqual(row[8], entry["weight"], delta=1e-8)
+        heads = self.browser.find_element(By.CSS_SELECTOR, "#design thead").text
+        self.assertIn("q2 [deg]", heads)
+        link = self.browser.find_element(By.CSS_SELECTOR, "a[download='design.csv']")
+        lines = unquote(link.get_dom_attribute("href").split(",", 1)[1]).splitlines()
+        self.assertEqual(len(lines), len(rows) + 1)
+
+    def test_certificate_touches_the_bound_and_nothing_exceeds_it(self):
+        plot = self.data["plots"][0]
+        series = {each["name"]: each for each in plot["series"]}
+        everyone, chosen = series["candidates"], series["in the design"]
+        self.assertEqual(len(everyone["x"]), self.design["candidates"])
+        self.assertLessEqual(max(everyone["y"]), 1 + self.design["certificate"]["duality_gap"] + 1e-5)
+        self.assertEqual(chosen["x"], sorted(entry["index"] for entry in self.design["support"]))
+        for value, entry in zip(chosen["y"], sorted(self.design["support"], key=lambda entry: entry["index"])):
+            self.assertAlmostEqual(value, 1, delta=1e-5 / entry["weight"])
+        # Weighted by the design, sensitivities are one in the mean: tr(G M) = 1.
+        mean = sum(everyone["y"][entry["index"]] * entry["weight"] for entry in self.design["support"])
+        self.assertAlmostEqual(mean, 1, delta=1e-5)
+
+    def test_numbers_are_those_of_the_file(self):
+        text = self.browser.find_element(By.ID, "numbers").text
+        self.assertIn(f"{self.design['log_det']:.8g}", text)
+        self.assertIn(f"{self.design['certificate']['duality_gap']:.2e}", text)
+
+    def test_poses_turn_by_button_key_and_drag(self):
+        line = "document.querySelector('[data-pose] polyline').getAttribute('points')"
+        self.assertEqual(len(self.data["poses"][0]["poses"]), len(self.design["support"]))
+        seen = [self.ask(line)]
+        scene = self.browser.find_element(By.CSS_SELECTOR, "svg[data-poses]")
+        self.ask("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", scene)
+        self.browser.find_element(By.XPATH, "//button[text()='Turn left']").click()
+        seen.append(self.ask(line))
+        scene.send_keys(Keys.ARROW_UP)
+        seen.append(self.ask(line))
+        ActionChains(self.browser).move_to_element(scene).click_and_hold().move_by_offset(60, 20).release().perform()
+        seen.append(self.ask(line))
+        self.assertEqual(len(set(seen)), 4)
+        self.browser.find_element(By.XPATH, "//button[text()='Back']").click()
+        self.assertEqual(self.ask(line), seen[0])  # the script draws what the program drew
+
+    def test_a_pose_can_be_hidden(self):
+        pose = self.browser.find_element(By.CSS_SELECTOR, "[data-pose='0']")
+        button = self.browser.find_element(By.CSS_SELECTOR, "#robot .key button")
+        self.ask("arguments[0].click()", button)
+        self.assertFalse(pose.is_displayed())
+        self.ask("arguments[0].click()", button)
+        self.assertTrue(pose.is_displayed())
+
+
+class ExactDesign(Design):
+    command = ["exact", "robot.h5", "--experiments", "8", "--gap", "0.02", "-o", "design.json", "--report", "page.html",
+               "--model", "default"]
+
+    def test_table_is_the_design(self):
+        counts = {entry["index"]: entry["count"] for entry in self.design["counts"]}
+        rows = self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [...row.cells].map(cell => Number(cell.dataset.value)))""")
+        self.assertEqual({row[1]: row[8] for row in rows}, counts)
+
+    def test_certificate_touches_the_bound_and_nothing_exceeds_it(self):
+        everyone = self.data["plots"][0]["series"][0]
+        mean = sum(everyone["y"][entry["index"]] * entry["weight"] for entry in self.design["support"])
+        self.assertAlmostEqual(mean, 1, delta=1e-5)
+        self.assertGreater(max(everyone["y"]), 1)  # whole numbers do not keep the bound of fractions
+
+    def test_numbers_are_those_of_the_file(self):
+        self.assertIn(f"{self.design['log_det']:.8g}", self.browser.find_element(By.ID, "numbers").text)
+
+
+class RobustDesign(Page):
+    command = ["design", "robust", "--samples", "3", "--grid", "100", "--uncertainty", "0.3", "-o", "design.json",
+               "--report", "page.html"]
+    page = "page.html"
+
+    def test_prices_prove_the_design(self):
+        plot = json.loads(self.ask("document.getElementById('data').textContent"))["plots"][0]
+        self.assertLessEqual(max(plot["series"][0]["y"]), 1 + 1e-4)
+        self.assertGreater(len(self.ask("window.poses[0].scene.poses")), 3)
+
+
+class DesignUnderLimits(Page):
+    command = ["solve", "robot.h5", "--experiments", "20", "--stock", "1", "--report", "page.html"]
+    page = "page.html"
+
+    @classmethod
+    def prepare(cls):
+        Design.prepare.__func__(cls)
+
+    def test_only_candidates_at_their_limit_exceed_the_bound(self):
+        plot = json.loads(self.ask("document.getElementById('data').textContent"))["plots"][0]
+        everyone, chosen = plot["series"][0], plot["series"][2]
+        weight = dict(self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [Number(row.cells[1].dataset.value), Number(row.cells[8].dataset.value)])"""))
+        above = [x for x, y in zip(everyone["x"], everyone["y"]) if y > 1 + 1e-4]
+        self.assertGreater(len(above), 3)
+        for candidate in above:
+            self.assertAlmostEqual(weight[candidate], 1 / 20, delta=1e-6)
+        self.assertEqual(set(chosen["x"]), set(weight))
+
+
 def load_tests(loader, _standard, _pattern):
-    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [Diagnosis, Prediction, Fit, Study])
+    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [
+        Diagnosis, Prediction, Fit, Study, Design, ExactDesign, RobustDesign, DesignUnderLimits])
 
 
 if __name__ == "__main__":

@@ -113,9 +113,23 @@ std::string frame_and_labels(const ComparisonPlot& plot) {
              fmt::format("text-anchor=\"middle\" transform=\"rotate(-90 14 {:.1f})\"", middle));
 }
 
+// What of a curve is drawn, for a plot and for its name in the list.
+std::string curve_group(const PlotSeries& series, const std::string& line, const std::string& dots,
+                        const std::string& marks) {
+  std::string svg =
+      fmt::format("<g data-series=\"{}\" class=\"curve c{}{}\">", html_escaped(series.name),
+                  series.style % kColours, series.is_heavy ? " heavy" : "");
+  if (series.has_line) {
+    svg += fmt::format("<path d=\"{}\" class=\"line\"{}/>", line, dash_attribute(series.style));
+  }
+  if (series.has_dots) svg += fmt::format("<path d=\"{}\" class=\"dots\"/>", dots);
+  if (series.has_marks && !series.has_dots) svg += marks;
+  return svg + "</g>\n";
+}
+
 std::string curve_of(const ComparisonPlot& plot, const PlotSeries& series,
                      const PlotScales& scales) {
-  std::string line, marks;
+  std::string line, marks, dots;
   const std::size_t count = std::min(series.x.size(), series.y.size());
   const std::size_t stride = plot.has_steps ? std::max<std::size_t>(1, count / kMostMarks) : 1;
   bool pen_down = false;
@@ -129,14 +143,12 @@ std::string curve_of(const ComparisonPlot& plot, const PlotSeries& series,
     if (pen_down && plot.has_steps) line += fmt::format("H{:.1f}V{:.1f}", x, y);
     if (pen_down && !plot.has_steps) line += fmt::format("L{:.1f} {:.1f}", x, y);
     pen_down = true;
+    dots += fmt::format("M{:.1f} {:.1f}h0", x, y);
     const bool is_hollow = i < series.hollow.size() && series.hollow[i];
     if (i % stride == 0) marks += mark_at(x, y, series.style, is_hollow);
   }
   if (plot.has_steps && pen_down) line += fmt::format("H{:g}", kPlotWidth - kPlotRight);
-  return fmt::format(
-      "<g data-series=\"{}\" class=\"curve c{}{}\"><path d=\"{}\" class=\"line\"{}/>{}</g>\n",
-      html_escaped(series.name), series.style % kColours, series.is_heavy ? " heavy" : "", line,
-      dash_attribute(series.style), marks);
+  return curve_group(series, line, dots, marks);
 }
 
 nlohmann::ordered_json axis_json(const PlotAxis& axis, const AxisScale& scale, double from,
@@ -168,6 +180,7 @@ nlohmann::ordered_json rounded_list(const std::vector<double>& values) {
 }  // namespace
 
 std::string plot_number(PlotNumber kind, double value) {
+  value += 0.0;  // no minus zero
   if (kind == PlotNumber::kShare) return fmt::format("{:.3g} %", 100.0 * value);
   if (kind == PlotNumber::kPlain) {
     return std::abs(value) >= 1e4 && std::abs(value) < 1e7 && value == std::floor(value)
@@ -200,11 +213,12 @@ std::string comparison_svg(const ComparisonPlot& plot) {
 std::string series_swatch(const PlotSeries& series) {
   return fmt::format(
       "<svg viewBox=\"0 0 40 12\" width=\"40\" height=\"12\" role=\"img\" "
-      "aria-label=\"line and mark of {}\"><g class=\"curve c{}{}\"><path d=\"M1 6H39\" "
-      "class=\"line\"{}/>{}</g></svg>",
-      html_escaped(series.name), series.style % kColours, series.is_heavy ? " heavy" : "",
-      dash_attribute(series.style), mark_at(20, 6, series.style, false));
+      "aria-label=\"line and mark of {}\">{}</svg>",
+      html_escaped(series.name),
+      curve_group(series, "M1 6H39", "M12 6h0M20 8h0M28 5h0", mark_at(20, 6, series.style, false)));
 }
+
+std::string series_mark(std::size_t style) { return mark_at(0, 0, style, false); }
 
 nlohmann::ordered_json comparison_json(const ComparisonPlot& plot) {
   const PlotScales scales = scales_of(plot);

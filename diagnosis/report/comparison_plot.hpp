@@ -31,6 +31,9 @@ struct PlotSeries {
   std::vector<bool> hollow = {};  // marks of points that say something else; empty: none
   std::size_t style = 0;          // of the mark, dash and colour; the same for a name on a page
   bool is_heavy = false;
+  bool has_line = true;
+  bool has_marks = true;
+  bool has_dots = false;  // instead of marks: many points
 };
 
 struct ComparisonPlot {
@@ -44,8 +47,11 @@ struct ComparisonPlot {
 
 [[nodiscard]] std::string comparison_svg(const ComparisonPlot& plot);
 
-// A short line with the mark, for the list of names.
+// A short line, the mark or both, for the list of names.
 [[nodiscard]] std::string series_swatch(const PlotSeries& series);
+
+// The mark alone, about (0, 0).
+[[nodiscard]] std::string series_mark(std::size_t style);
 
 // What compare.js reads a value from: id, labels, the place of the axes in the picture, the points.
 [[nodiscard]] nlohmann::ordered_json comparison_json(const ComparisonPlot& plot);

@@ -194,6 +194,9 @@ nlohmann::ordered_json data_json(const ReportPage& page) {
   if (!page.plots.empty()) {
     for (const ComparisonPlot& plot : page.plots) json["plots"].push_back(comparison_json(plot));
   }
+  if (!page.poses.empty()) {
+    for (const PosePicture& picture : page.poses) json["poses"].push_back(pose_json(picture));
+  }
   return json;
 }
 
@@ -203,6 +206,18 @@ PageFigure comparison_figure(const ComparisonPlot& plot) {
   PageFigure figure{.svg = comparison_svg(plot), .caption = plot.caption};
   for (const PlotSeries& series : plot.series) {
     figure.keys.push_back({series_swatch(series), series.name, series.words});
+  }
+  return figure;
+}
+
+PageFigure pose_figure(const PosePicture& picture) {
+  PageFigure figure{.svg = pose_svg(picture), .caption = picture.caption};
+  for (const DrawnPose& pose : picture.poses) {
+    PlotSeries series;
+    series.name = pose.name;
+    series.style = pose.style;
+    series.has_line = false;
+    figure.keys.push_back({series_swatch(series), pose.name, pose.words});
   }
   return figure;
 }
@@ -224,9 +239,11 @@ std::string html_page(const ReportPage& page) {
   const bool is_compared = !page.plots.empty() || has_sortable(page);
   view.set("is_live", flag(is_live));
   view.set("is_compared", flag(is_compared));
-  view.set("has_data", flag(is_live || is_compared));
+  view.set("has_poses", flag(!page.poses.empty()));
+  view.set("has_data", flag(is_live || is_compared || !page.poses.empty()));
   view.set("data", script_safe(data_json(page).dump()));
   view.set("compare", page_texts::kCompare);
+  view.set("turn_poses", page_texts::kPoses);
   view.set("style", page_texts::kStyle);
   view.set("dygraphs_style", page_texts::kDygraphsStyle);
   view.set("script", page_texts::kScript);

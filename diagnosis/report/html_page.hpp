@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "diagnosis/report/comparison_plot.hpp"
+#include "diagnosis/report/pose_picture.hpp"
 #include "diagnosis/report/trace.hpp"
 
 namespace graybox {
@@ -105,9 +106,11 @@ struct ReportPage {
   std::vector<Trace> traces;
   PageOrigin origin;
   std::vector<ComparisonPlot> plots = {};  // the data of comparison_figure() in the sections
+  std::vector<PosePicture> poses = {};     // likewise of pose_figure()
 };
 
 [[nodiscard]] PageFigure comparison_figure(const ComparisonPlot& plot);
+[[nodiscard]] PageFigure pose_figure(const PosePicture& picture);
 
 [[nodiscard]] std::string html_page(const ReportPage& page);
 

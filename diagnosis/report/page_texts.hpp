@@ -7,6 +7,7 @@ extern const char* const kTemplate;
 extern const char* const kStyle;
 extern const char* const kScript;
 extern const char* const kCompare;
+extern const char* const kPoses;
 extern const char* const kDygraphs;
 extern const char* const kDygraphsStyle;
 extern const char* const kSynchronizer;
