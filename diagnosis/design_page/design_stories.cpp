@@ -138,7 +138,7 @@ DesignStory exact_story(const InformationSet& set, const ExactReport& report) {
   story.sensitivities = criterion_sensitivities(set, weights, Criterion());
   story.sensitivity_words =
       "The bound of 1 is that of designs that may run fractions of an experiment. Whole numbers "
-      "can't follow it exactly; how far they stand above it is what rounding costs.";
+      "can't follow it exactly, and how far they stand above it bounds what rounding costs.";
   story.standard_errors =
       standard_errors(set, std::vector<double>(design.counts.begin(), design.counts.end()));
   story.error_words = fmt::format(
