@@ -109,7 +109,9 @@ PageCell seconds_cell(double seconds) {
 
 PageCell number_cell(double value, int digits) {
   if (!std::isfinite(value)) return {"–"};
-  return {.text = fmt::format("{:.{}g}", value, digits), .order = value};
+  const bool is_large = value >= 1e3 && value < 1e6;
+  return {.text = is_large ? fmt::format("{:.0f}", value) : fmt::format("{:.{}g}", value, digits),
+          .order = value};
 }
 
 PageCell count_cell(std::size_t count) {
