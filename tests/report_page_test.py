@@ -9,6 +9,7 @@ selenium (Debian: chromium, chromium-driver, python3-selenium).
 import json
 import math
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -54,12 +55,17 @@ class Page(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
+        cls.prepare()
         done = subprocess.run([GRAYBOX, *cls.command], cwd=cls.folder.name, capture_output=True, text=True, check=False)
         if done.returncode not in (0, 1):
             raise RuntimeError(done.stderr)
         cls.file = Path(cls.folder.name) / cls.page
         cls.text = cls.file.read_text(encoding="utf-8")
         cls.browser = started_browser()
+
+    @classmethod
+    def prepare(cls):
+        """Makes the files that the command reads."""
 
     @classmethod
     def tearDownClass(cls):
@@ -315,8 +321,272 @@ class Fit(PageWithTraces):
             self.assertLess(squares[1], 0.5 * squares[0])
 
 
+class Study(Page):
+    """The page of the reference study, against its rows."""
+    command = ["study", "page", str(SOURCE / "results/reference"), "-o", "index.html"]
+    page = "index.html"
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        lines = (SOURCE / "results/reference/rows.jsonl").read_text(encoding="utf-8").splitlines()
+        cls.runs = [row for row in map(json.loads, lines) if row["kind"] == "run"]
+
+    def groups(self, *experiments):
+        found = {}
+        for row in self.runs:
+            if not experiments or row["experiment"] in experiments:
+                key = (row["experiment"], row["family"], row["candidates"], row["solver"], row["gap"])
+                found.setdefault(key, []).append(row)
+        return found
+
+    def plot(self, name):
+        return {series["name"]: dict(zip(series["x"], series["y"])) for plot in
+                json.loads(self.ask("document.getElementById('data').textContent"))["plots"] if plot["id"] == name
+                for series in plot["series"]}
+
+    def rows_shown(self, table="#points"):
+        return [row for row in self.browser.find_elements(By.CSS_SELECTOR, f"{table} tbody tr") if row.is_displayed()]
+
+    def test_figure_3_shows_the_medians_of_the_rows(self):
+        expected = {}
+        for (_, _, candidates, solver, _), rows in self.groups("scaling").items():
+            if all(row["status"] == "solved" for row in rows):
+                expected.setdefault(solver, {})[candidates] = statistics.median(row["seconds"] for row in rows)
+        shown = self.plot("figure-3")
+        self.assertEqual({name: set(points) for name, points in shown.items()},
+                         {name: set(points) for name, points in expected.items()})
+        for solver, points in expected.items():
+            for candidates, seconds in points.items():
+                self.assertAlmostEqual(shown[solver][candidates], seconds, delta=1e-5 * seconds)
+        marks = self.ask("document.querySelectorAll('svg[data-plot=figure-3] g[data-series] .mark').length")
+        self.assertEqual(marks, sum(len(points) for points in expected.values()))
+
+    def times_to_a_millionth(self):
+        times, instances = {}, set()
+        for (experiment, family, candidates, solver, gap), rows in self.groups("scaling", "families").items():
+            instances.add((family, candidates))
+            if all("1e-6" in row["reached"] for row in rows):
+                time = statistics.median(row["reached"]["1e-6"][0] for row in rows)
+            elif gap <= 1e-6 and (all(row["status"] == "solved" for row in rows)
+                                  or max(row["duality_gap"] or math.inf for row in rows) <= 1e-6):
+                time = statistics.median(row["seconds"] for row in rows)
+            else:
+                continue
+            of_solver = times.setdefault(solver, {})
+            of_solver[family, candidates] = min(time, of_solver.get((family, candidates), math.inf))
+        return times, instances
+
+    def test_profiles_are_those_of_the_rows(self):
+        times, instances = self.times_to_a_millionth()
+        best = {each: min(own[each] for own in times.values() if each in own) for each in instances}
+        for name, measure in (("data-profile", lambda own, each: own[each]),
+                              ("performance-profile", lambda own, each: own[each] / best[each])):
+            shown = self.plot(name)
+            self.assertEqual(set(shown), set(times))
+            for solver, own in times.items():
+                values = [measure(own, each) for each in own]
+                for x, share in shown[solver].items():
+                    solved = sum(value <= x * (1 + 2e-5) for value in values)
+                    self.assertAlmostEqual(share, solved / len(instances), delta=1e-5, msg=(name, solver, x))
+                self.assertAlmostEqual(max(shown[solver].values()), len(own) / len(instances), delta=1e-5)
+
+    def test_tables_sort(self):
+        heads = self.browser.find_elements(By.CSS_SELECTOR, "#points thead th")
+        column = [head.text.split(" ↕")[0] for head in heads].index("median time")
+        button = heads[column].find_element(By.TAG_NAME, "button")
+        read = """[...document.querySelectorAll('#points tbody tr')].map(row => Number(row.cells[arguments[0]].dataset.value))"""
+        before = self.ask(read, column)
+        for order, sign in (("ascending", 1), ("descending", -1)):
+            self.ask("arguments[0].click()", button)
+            after = self.ask(read, column)
+            self.assertEqual(heads[column].get_dom_attribute("aria-sort"), order)
+            self.assertEqual(after, sorted(before, key=lambda value: sign * value))
+        self.assertNotEqual(before, after)
+
+    def test_tables_filter_by_menu_and_words(self):
+        whole = self.groups()
+        self.assertEqual(len(self.rows_shown()), len(whole))
+        menu = Select(self.browser.find_element(By.CSS_SELECTOR, "#points .tools select"))
+        menu.select_by_visible_text("column_generation")
+        own = [key for key in whole if key[3] == "column_generation"]
+        self.assertEqual(len(self.rows_shown()), len(own))
+        field = self.browser.find_element(By.CSS_SELECTOR, "#points .tools input")
+        field.send_keys("families wis")
+        expected = [key for key in own if key[0] == "families" and "wis" in key[1]]
+        self.assertEqual(len(self.rows_shown()), len(expected))
+        self.assertIn(f"{len(expected)} of {len(whole)} rows",
+                      self.browser.find_element(By.CSS_SELECTOR, "#points .count").text)
+
+    def test_a_name_hides_its_curve_and_a_click_reads_values(self):
+        curve = self.browser.find_element(By.CSS_SELECTOR, "svg[data-plot=figure-3] [data-series=column_generation]")
+        chart = self.browser.find_element(By.CSS_SELECTOR, "svg[data-plot=figure-3]")
+        chart.send_keys(Keys.ARROW_LEFT)
+        readout = self.browser.find_element(By.CSS_SELECTOR, "#pictures .readout")
+        self.assertIn("7920", readout.text)
+        self.assertIn("column_generation", readout.text)
+        chart.send_keys(Keys.ARROW_LEFT)
+        self.assertIn("4000", readout.text)
+        button = self.browser.find_element(By.CSS_SELECTOR, "#pictures .key li[data-series=column_generation] button")
+        self.ask("arguments[0].click()", button)
+        self.assertFalse(curve.is_displayed())
+        self.assertEqual(button.get_dom_attribute("aria-pressed"), "false")
+        self.assertNotIn("column_generation", readout.text)
+        self.ask("arguments[0].click()", button)
+        self.assertTrue(curve.is_displayed())
+
+    def test_every_curve_of_a_chart_looks_different_without_colour(self):
+        looks = self.ask("""[...document.querySelectorAll('svg[data-plot=figure-3] g[data-series]')].map(curve =>
+            [curve.querySelector('.line').getAttribute('stroke-dasharray'),
+             curve.querySelector('.mark').getAttribute('d').replace(/^M[-0-9. ]*/, '')].join())""")
+        self.assertGreater(len(looks), 10)
+        self.assertEqual(len(looks), len(set(looks)))
+
+    def test_every_solver_has_a_section_with_statuses_and_worst_instance(self):
+        points = self.groups()
+        for solver in {key[3] for key in points}:
+            section = self.ask("""[...document.querySelectorAll('section[id^=solver-]')].filter(each =>
+                each.querySelector('h2').textContent === arguments[0]).map(each => each.textContent)""", solver)
+            self.assertEqual(len(section), 1, solver)
+            solved = sum(all(row["status"] == "solved" for row in rows) for key, rows in points.items() if key[3] == solver)
+            if solved:
+                self.assertIn(f"solved {solved}", section[0])
+            self.assertIn("Worst instance", section[0])
+        slowest = max((key for key in points if key[3] == "primal_interior_point"),
+                      key=lambda key: (any(row["status"] != "solved" for row in points[key]), key[2]))
+        text = self.ask("""[...document.querySelectorAll('section[id^=solver-]')].find(each =>
+            each.querySelector('h2').textContent === 'primal_interior_point').textContent""")
+        self.assertIn(f"Worst instance: {slowest[1]}, Q = {slowest[2]}", text)
+
+
+class Design(Page):
+    """The page of a design against design.json; the robot's poses turn."""
+    command = ["solve", "robot.h5", "--gap", "1e-9", "-o", "design.json", "--report", "page.html", "--model", "default"]
+    page = "page.html"
+
+    @classmethod
+    def prepare(cls):
+        subprocess.run([GRAYBOX, "problem", "robot", "--grid", "300", "-o", "robot.h5"], cwd=cls.folder.name,
+                       capture_output=True, check=True)
+
+    def setUp(self):
+        super().setUp()
+        self.design = json.loads((self.file.parent / "design.json").read_text(encoding="utf-8"))
+        self.data = json.loads(self.ask("document.getElementById('data').textContent"))
+
+    def test_table_is_the_design(self):
+        support = {entry["index"]: entry for entry in self.design["support"]}
+        rows = self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [...row.cells].map(cell => Number(cell.dataset.value)))""")
+        self.assertEqual({row[1] for row in rows}, set(support))
+        self.assertEqual([row[0] for row in rows], list(range(1, len(support) + 1)))
+        for row in rows:
+            entry = support[row[1]]
+            self.assertEqual(row[2:8], list(entry["candidate"].values()))
+            self.assertAlmostEqual(row[8], entry["weight"], delta=1e-8)
+        heads = self.browser.find_element(By.CSS_SELECTOR, "#design thead").text
+        self.assertIn("q2 [deg]", heads)
+        link = self.browser.find_element(By.CSS_SELECTOR, "a[download='design.csv']")
+        lines = unquote(link.get_dom_attribute("href").split(",", 1)[1]).splitlines()
+        self.assertEqual(len(lines), len(rows) + 1)
+
+    def test_certificate_touches_the_bound_and_nothing_exceeds_it(self):
+        plot = self.data["plots"][0]
+        series = {each["name"]: each for each in plot["series"]}
+        everyone, chosen = series["candidates"], series["in the design"]
+        self.assertEqual(len(everyone["x"]), self.design["candidates"])
+        self.assertLessEqual(max(everyone["y"]), 1 + self.design["certificate"]["duality_gap"] + 1e-5)
+        self.assertEqual(chosen["x"], sorted(entry["index"] for entry in self.design["support"]))
+        for value, entry in zip(chosen["y"], sorted(self.design["support"], key=lambda entry: entry["index"])):
+            self.assertAlmostEqual(value, 1, delta=1e-5 / entry["weight"])
+        # Weighted by the design, sensitivities are one in the mean: tr(G M) = 1.
+        mean = sum(everyone["y"][entry["index"]] * entry["weight"] for entry in self.design["support"])
+        self.assertAlmostEqual(mean, 1, delta=1e-5)
+
+    def test_numbers_are_those_of_the_file(self):
+        text = self.browser.find_element(By.ID, "numbers").text
+        self.assertIn(f"{self.design['log_det']:.8g}", text)
+        self.assertIn(f"{self.design['certificate']['duality_gap']:.2e}", text)
+
+    def test_poses_turn_by_button_key_and_drag(self):
+        line = "document.querySelector('[data-pose] polyline').getAttribute('points')"
+        self.assertEqual(len(self.data["poses"][0]["poses"]), len(self.design["support"]))
+        seen = [self.ask(line)]
+        scene = self.browser.find_element(By.CSS_SELECTOR, "svg[data-poses]")
+        self.ask("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", scene)
+        self.browser.find_element(By.XPATH, "//button[text()='Turn left']").click()
+        seen.append(self.ask(line))
+        scene.send_keys(Keys.ARROW_UP)
+        seen.append(self.ask(line))
+        ActionChains(self.browser).move_to_element(scene).click_and_hold().move_by_offset(60, 20).release().perform()
+        seen.append(self.ask(line))
+        self.assertEqual(len(set(seen)), 4)
+        self.browser.find_element(By.XPATH, "//button[text()='Back']").click()
+        self.assertEqual(self.ask(line), seen[0])  # the script draws what the program drew
+
+    def test_a_pose_can_be_hidden(self):
+        pose = self.browser.find_element(By.CSS_SELECTOR, "[data-pose='0']")
+        button = self.browser.find_element(By.CSS_SELECTOR, "#robot .key button")
+        self.ask("arguments[0].click()", button)
+        self.assertFalse(pose.is_displayed())
+        self.ask("arguments[0].click()", button)
+        self.assertTrue(pose.is_displayed())
+
+
+class ExactDesign(Design):
+    command = ["exact", "robot.h5", "--experiments", "8", "--gap", "0.02", "-o", "design.json", "--report", "page.html",
+               "--model", "default"]
+
+    def test_table_is_the_design(self):
+        counts = {entry["index"]: entry["count"] for entry in self.design["counts"]}
+        rows = self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [...row.cells].map(cell => Number(cell.dataset.value)))""")
+        self.assertEqual({row[1]: row[8] for row in rows}, counts)
+
+    def test_certificate_touches_the_bound_and_nothing_exceeds_it(self):
+        everyone = self.data["plots"][0]["series"][0]
+        mean = sum(everyone["y"][entry["index"]] * entry["weight"] for entry in self.design["support"])
+        self.assertAlmostEqual(mean, 1, delta=1e-5)
+        self.assertGreater(max(everyone["y"]), 1)  # whole numbers do not keep the bound of fractions
+
+    def test_numbers_are_those_of_the_file(self):
+        self.assertIn(f"{self.design['log_det']:.8g}", self.browser.find_element(By.ID, "numbers").text)
+
+
+class RobustDesign(Page):
+    command = ["design", "robust", "--samples", "3", "--grid", "100", "--uncertainty", "0.3", "-o", "design.json",
+               "--report", "page.html"]
+    page = "page.html"
+
+    def test_prices_prove_the_design(self):
+        plot = json.loads(self.ask("document.getElementById('data').textContent"))["plots"][0]
+        self.assertLessEqual(max(plot["series"][0]["y"]), 1 + 1e-4)
+        self.assertGreater(len(self.ask("window.poses[0].scene.poses")), 3)
+
+
+class DesignUnderLimits(Page):
+    command = ["solve", "robot.h5", "--experiments", "20", "--stock", "1", "--report", "page.html"]
+    page = "page.html"
+
+    @classmethod
+    def prepare(cls):
+        Design.prepare.__func__(cls)
+
+    def test_only_candidates_at_their_limit_exceed_the_bound(self):
+        plot = json.loads(self.ask("document.getElementById('data').textContent"))["plots"][0]
+        everyone, chosen = plot["series"][0], plot["series"][2]
+        weight = dict(self.ask("""[...document.querySelectorAll('#design tbody tr')].map(row =>
+            [Number(row.cells[1].dataset.value), Number(row.cells[8].dataset.value)])"""))
+        above = [x for x, y in zip(everyone["x"], everyone["y"]) if y > 1 + 1e-4]
+        self.assertGreater(len(above), 3)
+        for candidate in above:
+            self.assertAlmostEqual(weight[candidate], 1 / 20, delta=1e-6)
+        self.assertEqual(set(chosen["x"]), set(weight))
+
+
 def load_tests(loader, _standard, _pattern):
-    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [Diagnosis, Prediction, Fit])
+    return unittest.TestSuite(loader.loadTestsFromTestCase(case) for case in [
+        Diagnosis, Prediction, Fit, Study, Design, ExactDesign, RobustDesign, DesignUnderLimits])
 
 
 if __name__ == "__main__":

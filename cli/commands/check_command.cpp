@@ -11,13 +11,16 @@
 #include <vector>
 
 #include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
+#include "cli/output/design_output.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/floor_text.hpp"
+#include "diagnosis/design_page/design_stories.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
@@ -35,6 +38,7 @@ struct CheckArguments {
   std::string design;
   CriterionArguments criterion;
   RequestArguments request;
+  DesignOutputArguments shown;
   std::optional<double> gap;
   bool json = false;
 };
@@ -48,10 +52,14 @@ SolveStatus claimed_status(const std::string& status) {
   return SolveStatus::kSolved;
 }
 
+std::vector<PageFile> files_of(const CheckArguments& arguments) {
+  return {{arguments.set.path, "information set"}, {arguments.design, "design"}};
+}
+
 // An exact design is measured against all exact designs, by the relaxation's bound; a tree's bound
 // can't be checked without growing the tree again, so it is only quoted.
 int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
-                const ExactClaim& claim) {
+                const ExactClaim& claim, const DesignOutput& shown) {
   const InformationSet& set = read.set;
   ExactOptions options{.experiments = claim.experiments};
   options.gap = arguments.gap.value_or(file.asked_gap.value_or(options.gap));
@@ -71,7 +79,10 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
           ? certify_exact(set, claim.design, claim.experiments, relaxation, *claim.log_det_bound)
                 .proven_efficiency
           : report.certificate.proven_efficiency;
-  if (arguments.json) {
+  if (shown.has_page()) shown.write_page(exact_story(set, report), files_of(arguments));
+  if (shown.has_table()) {
+    shown.print_table(set, design_schedule(set, claim.design.counts));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["stated_efficiency"] = stated;
     add_change(read.changed, line);
@@ -82,6 +93,7 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
     fmt::print("  by {:<10} at least {:.8f}, as the file states; proven here by the relaxation\n",
                claim.method, stated);
     fmt::print("{}", describe_counts(set, claim.design));
+    shown.say_page();
   }
   const bool held = !arguments.gap.has_value() || solution.status == ExactStatus::kOptimal;
   return held && solution.status != ExactStatus::kSingular ? kDone : kShort;
@@ -106,7 +118,7 @@ double efficiency_of_exact(const InformationSet& set, const ConstrainedReport& r
 
 // Against the request that is given, or the one that the design says it was made for.
 int check_request(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
-                  const ConstrainedClaim& claim) {
+                  const ConstrainedClaim& claim, const DesignOutput& shown) {
   const InformationSet& set = read.set;
   DesignRequest request = arguments.request.read();
   const bool given = request.any();
@@ -137,7 +149,10 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   const bool exact = read_exact_claim(arguments.design, set, file.design).has_value();
   double efficiency = report.report.certificate.efficiency;
   if (exact) efficiency = std::max(efficiency, efficiency_of_exact(set, report));
-  if (arguments.json) {
+  if (shown.has_page()) shown.write_page(constrained_story(set, report), files_of(arguments));
+  if (shown.has_table()) {
+    shown.print_table(set, design_schedule(set, file.design.weights));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     if (exact) {
       line["status"] = to_string(report.report.certificate.status);
@@ -158,6 +173,7 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
     fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
                describe_constrained(report), describe_efforts(set, report));
   }
+  if (!arguments.json && !shown.has_table()) shown.say_page();
   if (exact) {
     const double least = 1.0 / (1.0 + arguments.gap.value_or(kInfinity));
     const bool sound = report.report.certificate.status == CertificateStatus::kCertified;
@@ -166,7 +182,9 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   return report.report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
-int check(const CheckArguments& arguments) {
+int check(const CheckArguments& arguments, const Invocation& invocation) {
+  DesignOutput shown(arguments.shown, invocation.arguments);
+  require_design_output(arguments.shown, arguments.json);
   arguments.criterion.require_consistent();
   std::optional<ConstrainedClaim> request = read_constrained_claim(arguments.design);
   if (!request.has_value() && arguments.request.read().any()) request.emplace();
@@ -176,11 +194,14 @@ int check(const CheckArguments& arguments) {
   const ProjectedSet read =
       read_set(arguments.set, has_prior ? SingularSum::kAllowed : SingularSum::kRefused);
   const InformationSet& set = read.set;
+  shown.read_robot(set);
   const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
   const bool other_criterion = arguments.criterion.read(set).has_value();
-  if (request.has_value()) return check_request(arguments, read, file, *request);
+  if (request.has_value()) return check_request(arguments, read, file, *request, shown);
   const auto exact = read_exact_claim(arguments.design, set, file.design);
-  if (exact.has_value() && !other_criterion) return check_exact(arguments, read, file, *exact);
+  if (exact.has_value() && !other_criterion) {
+    return check_exact(arguments, read, file, *exact, shown);
+  }
   SolveOptions options;
   const Criterion made_for = file.criterion.value_or(Criterion());
   options.criterion = arguments.criterion.read(set).value_or(made_for);
@@ -194,6 +215,9 @@ int check(const CheckArguments& arguments) {
   report.problem_hash = set.content_hash();
   const bool floored = !file.floors.empty() && options.criterion == made_for;
   std::vector<double> efficiencies;
+  if (floored && shown.has_page()) {
+    throw InputError(arguments.design + ": was made with --floor, and --report draws no such design");
+  }
   if (floored) {
     const FlooredCertificate proof =
         certify_floored(set, file.design, options.criterion, file.floors, options.duality_gap);
@@ -216,7 +240,12 @@ int check(const CheckArguments& arguments) {
     report.status = ReportStatus::kInaccurate;
     report.message = fmt::format("made for the objective {}", file.objective);
   }
-  if (arguments.json) {
+  if (shown.has_page()) {
+    shown.write_page(solve_story(set, file.design, report), files_of(arguments));
+  }
+  if (shown.has_table()) {
+    shown.print_table(set, design_schedule(set, file.design.weights));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     if (limited) line["limits"] = to_json(file.limits);
     if (floored) line["floors"] = floors_json(set, file.floors);
@@ -233,6 +262,7 @@ int check(const CheckArguments& arguments) {
     fmt::print("{}", describe_support(set, file.design));
     if (file.problem_hash.empty())
       fmt::print("note: the design does not say which set it is for\n");
+    shown.say_page();
   }
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
@@ -246,6 +276,7 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   add_criterion_options(*command, arguments->criterion);
   add_request_options(*command, arguments->request);
+  add_design_output_options(*command, arguments->shown);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -261,8 +292,10 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox check set.h5 design.json\n"
       "  graybox check set.h5 design.json --gap 1e-6 --json\n"
+      "  graybox check set.h5 design.json --report design.html --format csv\n"
       "  graybox check set.h5 design.json --criterion A      (whatever it was made for)");
-  command->callback([arguments, &invocation] { invocation.exit_code = check(*arguments); });
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = check(*arguments, invocation); });
 }
 
 }  // namespace graybox::cli

@@ -13,14 +13,17 @@
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
+#include "cli/output/design_output.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/exact_table.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
@@ -39,6 +42,7 @@ struct ExactArguments {
   ExactOptions options;
   CriterionArguments criterion;
   RequestArguments request;
+  DesignOutputArguments shown;
   std::size_t top = 1;
   std::string output;
   std::string table;
@@ -111,9 +115,10 @@ void require_one_run(const ExactArguments& arguments, std::size_t runs) {
   if (arguments.table.empty() && runs > 1) {
     throw InputError(fmt::format("experiments: {} values need --table FILE", runs));
   }
+  const bool shows = !(arguments.shown.page.empty() && arguments.shown.format.empty());
   if (!arguments.table.empty() &&
-      !(arguments.output.empty() && arguments.options.checkpoint.empty())) {
-    throw InputError("--table takes neither --output nor --checkpoint");
+      (shows || !(arguments.output.empty() && arguments.options.checkpoint.empty()))) {
+    throw InputError("--table takes neither --output, --report, --format nor --checkpoint");
   }
 }
 
@@ -132,6 +137,7 @@ void require_constrained(const ExactArguments& arguments) {
 }
 
 int exact_request(const ExactArguments& arguments, Invocation& invocation) {
+  DesignOutput shown(arguments.shown, invocation.arguments);
   arguments.criterion.require_consistent();
   require_constrained(arguments);
   DesignRequest request = arguments.request.read();
@@ -151,6 +157,7 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
   }();
   const InformationSet& set = read.set;
   if (!arguments.output.empty()) require_writable(arguments.output);
+  shown.read_robot(set);
   DesignConstraints constraints = resolve(request, set);
   const ConstrainedExactOptions options{
       .gap = arguments.options.gap,
@@ -176,7 +183,13 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
     report.solution.message = "no experiment fits, and what is known already needs none";
   }
   if (!arguments.output.empty() && found) write_constrained_exact(arguments.output, set, report);
-  if (arguments.json) {
+  if (shown.has_page() && found) {
+    shown.write_page(constrained_exact_story(set, report),
+                     {{arguments.set.path, "information set"}});
+  }
+  if (shown.has_table() && found) {
+    shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
@@ -184,11 +197,14 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
     fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
                describe_constrained_exact(set, report));
     if (!arguments.output.empty() && found) fmt::print("wrote {}\n", arguments.output);
+    if (found) shown.say_page();
   }
   return report.solution.status == ExactStatus::kOptimal ? kDone : kShort;
 }
 
 int exact(ExactArguments& arguments, Invocation& invocation) {
+  DesignOutput shown(arguments.shown, invocation.arguments);
+  require_design_output(arguments.shown, arguments.json);
   if (is_constrained(arguments)) return exact_request(arguments, invocation);
   if (arguments.experiments.empty()) throw InputError("experiments: say how many (--experiments)");
   const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
@@ -205,11 +221,17 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
     if (!file.empty()) require_writable(file);
   }
   if (!arguments.table.empty()) return table(arguments, set);
+  shown.read_robot(set);
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();
   const bool regular = report.solution.status != ExactStatus::kSingular;
   if (!arguments.output.empty() && regular) write_exact_design(arguments.output, set, report);
-  if (arguments.json) {
+  if (shown.has_page() && regular) {
+    shown.write_page(exact_story(set, report), {{arguments.set.path, "information set"}});
+  }
+  if (shown.has_table() && regular) {
+    shown.print_table(set, design_schedule(set, report.solution.design.counts));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
@@ -217,6 +239,7 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
     fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
                describe_exact(report), describe_counts(set, report.solution.design));
     if (!arguments.output.empty() && regular) fmt::print("wrote {}\n", arguments.output);
+    if (regular) shown.say_page();
   }
   return exit_code(report.solution.status);
 }
@@ -235,6 +258,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--top", arguments->top, "how many of the best designs to list")
       ->capture_default_str();
   add_request_options(*command, arguments->request, ExperimentsOption::kOwn);
+  add_design_output_options(*command, arguments->shown);
   command
       ->add_option("--method", arguments->method,
                    "rounding, efficient_rounding, exchange or branch_and_bound")
@@ -255,15 +279,12 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "Covariance is (det sum_i m_i H_i)^(-1/d). The proven efficiency compares with the best "
       "design\n"
-      "of M experiments that exists. Exit code 1: time was up first (the bound reached is stated), "
-      "or\n"
-      "no regular design was found. Ctrl-C stops and keeps the best design.\n"
+      "of M experiments. Exit code 1: time was up (the bound reached is stated), or no regular "
+      "design\n"
+      "was found. Ctrl-C stops and keeps the best design.\n"
       "Examples:\n"
       "  graybox exact set.h5 --experiments 20 --time-limit 300 --threads 2 -o design.json\n"
-      "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --time-limit 60\n"
-      "  graybox exact set.h5 --experiments 12 --checkpoint tree.cbor --resume\n"
-      "  graybox exact set.h5 --experiments 20 --method rounding --json\n"
-      "  graybox exact set.h5 --experiments 8 --stock 1 --done last_week.json --top 5\n"
+      "  graybox exact set.h5 --experiments 20 --format markdown --report design.html\n"
       "  graybox exact set.h5 --costs minutes.csv --budget 90 --criterion A --gap 0.01\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(

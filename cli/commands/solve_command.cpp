@@ -13,14 +13,17 @@
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/criterion_arguments.hpp"
+#include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
+#include "cli/output/design_output.hpp"
 #include "cli/output/floor_text.hpp"
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/column_generation/column_generation.hpp"
@@ -40,6 +43,7 @@ struct SolveArguments {
   SolveOptions options;
   CriterionArguments criterion;
   RequestArguments request;
+  DesignOutputArguments shown;
   std::string trace;
   std::string output;
   bool json = false;
@@ -87,7 +91,7 @@ void print(const SolveArguments& arguments, const ProjectedSet& read, const Solu
 
 // Under constraints: by column generation, the one back-end that takes them.
 int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
-                  const SolveOptions& options, DesignRequest request) {
+                  const SolveOptions& options, DesignRequest request, const DesignOutput& shown) {
   const InformationSet& set = read.set;
   DesignConstraints constraints = resolve(request, set);
   Progress progress{arguments.solver};
@@ -103,7 +107,12 @@ int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
   const bool answer = !report.efforts.empty();
   if (!arguments.trace.empty()) write_trace(arguments.trace, trace);
   if (!arguments.output.empty() && answer) write_constrained_design(arguments.output, set, report);
-  if (arguments.json) {
+  if (shown.has_page() && answer) {
+    shown.write_page(constrained_story(set, report), {{arguments.set.path, "information set"}});
+  }
+  if (shown.has_table() && answer) {
+    shown.print_table(set, design_schedule(set, report.weights().weights));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
@@ -112,6 +121,7 @@ int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
                describe_constrained(report));
     if (answer) fmt::print("{}", describe_efforts(set, report));
     if (!arguments.output.empty() && answer) fmt::print("wrote {}\n", arguments.output);
+    if (answer) shown.say_page();
   }
   return report.report.status == ReportStatus::kSolved ? kDone : kShort;
 }
@@ -126,9 +136,16 @@ void require_constrained(const SolveArguments& arguments) {
 }
 
 // Under floors of other criteria: by column generation on compound criteria.
+// A page draws sensitivities against the bound of one criterion; floors have another.
+void require_no_page(const DesignOutput& shown) {
+  if (shown.has_page()) throw InputError("--report draws no design with --floor; leave one out");
+}
+
 int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
-                 const SolveOptions& options, std::vector<EfficiencyFloor> floors) {
+                 const SolveOptions& options, std::vector<EfficiencyFloor> floors,
+                 const DesignOutput& shown) {
   const InformationSet& set = read.set;
+  require_no_page(shown);
   Progress progress{arguments.solver};
   catch_interrupts();
   const Solution solution = solve_floored(set, options, floors, &progress);
@@ -143,7 +160,9 @@ int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
   if (!arguments.output.empty()) {
     write_floored_design(arguments.output, set, solution.design, report, floors);
   }
-  if (arguments.json) {
+  if (shown.has_table()) {
+    shown.print_table(set, design_schedule(set, solution.design.weights));
+  } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["floors"] = floors_json(set, floors);
     for (std::size_t k = 0; k < proof.efficiencies.size(); ++k) {
@@ -167,8 +186,20 @@ void require_floors_alone(const SolveArguments& arguments, bool has_request) {
   }
 }
 
+// The design as a page, and as a table instead of the report where that is asked for; true if so.
+bool show(const SolveArguments& arguments, const InformationSet& set, const Design& design,
+          const SolveReport& report, const DesignOutput& shown) {
+  if (shown.has_page()) {
+    shown.write_page(solve_story(set, design, report), {{arguments.set.path, "information set"}});
+  }
+  if (shown.has_table()) shown.print_table(set, design_schedule(set, design.weights));
+  return shown.has_table();
+}
+
 int solve(const SolveArguments& arguments, Invocation& invocation) {
+  DesignOutput shown(arguments.shown, invocation.arguments);
   arguments.criterion.require_consistent();
+  require_design_output(arguments.shown, arguments.json);
   DesignRequest request = arguments.request.read();
   const SolverRegistry registry = make_registry();
   const Solver& solver = registry.at(arguments.solver);
@@ -184,11 +215,14 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   for (const std::string& file : {arguments.output, arguments.trace}) {
     if (!file.empty()) require_writable(file);
   }
+  shown.read_robot(set);
   SolveOptions options = arguments.options;
   options.criterion = arguments.criterion.read(set).value_or(Criterion());
-  if (request.any()) return solve_request(arguments, read, options, std::move(request));
+  if (request.any()) {
+    return solve_request(arguments, read, options, std::move(request), shown);
+  }
   if (std::vector<EfficiencyFloor> floors = arguments.criterion.read_floors(set); !floors.empty()) {
-    return solve_floors(arguments, read, options, std::move(floors));
+    return solve_floors(arguments, read, options, std::move(floors), shown);
   }
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
@@ -197,7 +231,11 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   if (!arguments.output.empty() && has_answer(solution)) {
     write_design(arguments.output, set, solution.design, report);
   }
-  print(arguments, read, solution, report);
+  const bool has_design = has_answer(solution) && !solution.design.weights.empty();
+  if (!has_design || !show(arguments, set, solution.design, report, shown)) {
+    print(arguments, read, solution, report);
+    if (has_design && !arguments.json) shown.say_page();
+  }
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
@@ -213,6 +251,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   add_criterion_options(*command, arguments->criterion);
   add_floor_option(*command, arguments->criterion);
   add_request_options(*command, arguments->request);
+  add_design_output_options(*command, arguments->shown);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   command->add_option("--iteration-limit", options.iteration_limit,
@@ -228,7 +267,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
       "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
       "code 1).\n"
       "Examples:\n"
-      "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
+      "  graybox solve set.h5 --gap 1e-9 -o design.json --report design.html\n"
       "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
       "  graybox solve set.h5 --criterion D --floor A=0.9\n"
       "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"

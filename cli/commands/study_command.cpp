@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -19,10 +20,13 @@
 #include "bench/study/tables.hpp"
 #include "bench/study/verify.hpp"
 #include "bench/study/worker.hpp"
+#include "bench/study_page/study_page.hpp"
 #include "cli/commands/commands.hpp"
+#include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/shortened.hpp"
+#include "problems/files/atomic_file.hpp"
 #include "solvers/external/external_solver.hpp"
 
 namespace graybox::cli {
@@ -121,7 +125,17 @@ void print_json(const StudyArguments& arguments, const bench::StudyOutcome& outc
   fmt::print("{}\n", out.dump());
 }
 
-int study(const StudyArguments& arguments) {
+// index.html of a study's rows.
+void write_page(const bench::StudyRows& rows, const std::filesystem::path& folder,
+                const std::filesystem::path& file, double seconds, const Invocation& invocation) {
+  const PageFile source{.name = (folder / "rows.jsonl").string(), .role = "rows"};
+  write_text_file(file.string(),
+                  bench::study_page(rows, {.command = command_line(invocation.arguments),
+                                           .files = {source},
+                                           .seconds = seconds}));
+}
+
+int study(const StudyArguments& arguments, const Invocation& invocation) {
   const bench::StudyOptions options = options_of(arguments);
   SolverRegistry registry = make_registry();
   add_programs(options.programs, registry);
@@ -130,6 +144,7 @@ int study(const StudyArguments& arguments) {
   const bench::StudyOutcome outcome = run_study(options, registry, setup(), progress);
   const bench::StudyRows rows = bench::read_rows(options.output / "rows.jsonl");
   const std::string summary = bench::write_tables(rows, options.output);
+  write_page(rows, options.output, options.output / "index.html", progress.seconds(), invocation);
   if (arguments.json) {
     print_json(arguments, outcome, rows);
   } else {
@@ -142,9 +157,10 @@ int study(const StudyArguments& arguments) {
                     outcome.runs_made));
     return kShort;
   }
-  progress.say(fmt::format("{} runs made, {} found done, {}; rows, tables and summary.md in {}",
-                           outcome.runs_made, outcome.runs_found,
-                           bench::readable_duration(progress.seconds()), arguments.output));
+  progress.say(
+      fmt::format("{} runs made, {} found done, {}; rows, tables, summary.md and index.html in {}",
+                  outcome.runs_made, outcome.runs_found,
+                  bench::readable_duration(progress.seconds()), arguments.output));
   return agree(rows) ? kDone : kShort;
 }
 
@@ -199,6 +215,47 @@ void add_verify_command(CLI::App& study, Invocation& invocation) {
       "Example:\n"
       "  graybox study verify results/quick/rows.jsonl");
   command->callback([arguments, &invocation] { invocation.exit_code = verify(*arguments); });
+}
+
+struct PageArguments {
+  std::string rows, output;
+};
+
+// The rows of a study, of whatever build: a page takes no part in the comparison.
+int make_page(const PageArguments& arguments, const Invocation& invocation) {
+  const auto start = std::chrono::steady_clock::now();
+  std::filesystem::path file = arguments.rows;
+  if (std::filesystem::is_directory(file)) file /= "rows.jsonl";
+  if (!std::filesystem::exists(file)) {
+    throw InputError(fmt::format("{}: there is no such file; give a study's folder, or rows.jsonl",
+                                 file.string()));
+  }
+  const bench::StudyRows rows = bench::read_rows(file);
+  if (rows.runs.empty()) {
+    throw InputError(fmt::format("{}: holds no run of a study", file.string()));
+  }
+  const std::filesystem::path folder = file.parent_path();
+  const std::string output =
+      arguments.output.empty() ? (folder / "index.html").string() : arguments.output;
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  write_page(rows, folder, output, seconds.count(), invocation);
+  fmt::print("wrote {}\n", output);
+  return kDone;
+}
+
+void add_page_command(CLI::App& study, Invocation& invocation) {
+  auto* command = study.add_subcommand("page", "Write the page of a study from its rows");
+  auto arguments = std::make_shared<PageArguments>();
+  command->add_option("rows", arguments->rows, "rows.jsonl, or the folder with it")->required();
+  command->add_option("-o,--output", arguments->output,
+                      "file to write (default: index.html beside the rows)");
+  command->footer(
+      "Nothing runs. The page shows time against Q, profiles, all points, and each solver's worst\n"
+      "instance. It is one file and loads nothing.\n"
+      "Example:\n"
+      "  graybox study page results/quick");
+  command->callback(
+      [arguments, &invocation] { invocation.exit_code = make_page(*arguments, invocation); });
 }
 
 }  // namespace
@@ -262,8 +319,9 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       "results/own\n"
       "Figures: scripts/figures results/quick");
   add_verify_command(*command, invocation);
+  add_page_command(*command, invocation);
   command->callback([command, arguments, &invocation] {
-    if (command->get_subcommands().empty()) invocation.exit_code = study(*arguments);
+    if (command->get_subcommands().empty()) invocation.exit_code = study(*arguments, invocation);
   });
 }
 

@@ -10,12 +10,15 @@
 #include <vector>
 
 #include "bench/pin_threads.hpp"
+#include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/robot_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/arguments/stiffness_arguments.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
+#include "cli/output/design_output.hpp"
 #include "cli/process/interrupt.hpp"
+#include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
@@ -39,6 +42,7 @@ struct RobustArguments {
   std::optional<double> largest_share;
   std::optional<double> of_positions;
   SolveOptions options;
+  DesignOutputArguments shown;
   std::string output;
   bool json = false;
 
@@ -204,7 +208,18 @@ void print_robust(const RobustArguments& arguments, const Samples& samples,
   if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
 }
 
-int design_for_samples(const RobustArguments& arguments) {
+std::vector<PageFile> files_of(const RobustArguments& arguments) {
+  std::vector<PageFile> files;
+  for (const std::string& set : arguments.sets) files.push_back({set, "information set"});
+  if (files.empty()) {
+    files.push_back(
+        {arguments.robot.model.empty() ? default_robot_file().string() : arguments.robot.model,
+         "robot"});
+  }
+  return files;
+}
+
+int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
   if (!(arguments.reference == "optimum" || arguments.reference == "none")) {
     throw InputError(
         fmt::format("unknown reference '{}'; choose optimum or none", arguments.reference));
@@ -239,12 +254,19 @@ int design_for_samples(const RobustArguments& arguments) {
   if (!arguments.output.empty()) {
     write(arguments.output, problem.first(), design, report, objective);
   }
+  if (shown.has_page()) {
+    if (arguments.sets.empty()) shown.set_robot(load_robot(arguments.robot));
+    shown.write_page(robust_story(problem.samples, design, report, proof.prices, efficiency,
+                                  arguments.objective),
+                     files_of(arguments));
+  }
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;
     fmt::print("{}\n", line.dump());
   } else {
     print_robust(arguments, samples, report, design, efficiency);
+    shown.say_page();
   }
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
@@ -264,7 +286,7 @@ ProjectedSet single_set(const RobustArguments& arguments) {
           {}};
 }
 
-int design_under_limit(const RobustArguments& arguments) {
+int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
   if (!arguments.largest_share || !arguments.of_positions) {
     throw InputError(
         "--largest-share and --of-positions go together: at most this share of the experiments in "
@@ -295,6 +317,14 @@ int design_under_limit(const RobustArguments& arguments) {
   if (!arguments.output.empty() && has_design) {
     write(arguments.output, set, solution.design, report, objective, {.concentration = limit});
   }
+  if (shown.has_page() && has_design) {
+    if (arguments.sets.empty()) shown.set_robot(load_robot(arguments.robot));
+    DesignStory story = solve_story(set, solution.design, report);
+    story.sensitivity_words =
+        "The bound of 1 is that of a design without a limit on its concentration; how far "
+        "candidates stand above it is what the limit costs.";
+    shown.write_page(std::move(story), files_of(arguments));
+  }
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;
@@ -315,6 +345,7 @@ int design_under_limit(const RobustArguments& arguments) {
     fmt::print("{}", describe_work(report));
     if (has_design) fmt::print("{}", describe_support(set, solution.design));
     if (!arguments.output.empty() && has_design) fmt::print("wrote {}\n", arguments.output);
+    if (has_design) shown.say_page();
   }
   return report.status == ReportStatus::kSolved ? kDone : kShort;
 }
@@ -364,6 +395,7 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
   command->add_option("--time-limit", options.time_limit, "wall seconds of the solver");
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
+  add_report_option(*command, arguments->shown);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "The checker decides: status solved (exit code 0) means that it proved the gap to be at "
@@ -371,15 +403,17 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
       "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
       "code 1).\n"
       "Examples:\n"
-      "  graybox design robust --samples 50 --uncertainty 0.5 -o worst_case.json\n"
+      "  graybox design robust --samples 50 --uncertainty 0.5 --report page.html\n"
       "  graybox design robust --objective average --samples 50 --seed 3 -o average.json\n"
       "  graybox design robust a.h5 b.h5 c.h5 --objective worst_case --json\n"
       "  graybox design robust set.h5 --largest-share 0.5 --of-positions 0.01 -o spread.json");
   command->callback([command, arguments, &invocation] {
     require_consistent(*command, *arguments);
     bench::pin_threads(arguments->options.threads, invocation.arguments);
-    invocation.exit_code =
-        arguments->limited() ? design_under_limit(*arguments) : design_for_samples(*arguments);
+    DesignOutput shown(arguments->shown, invocation.arguments);
+    require_design_output(arguments->shown, arguments->json);
+    invocation.exit_code = arguments->limited() ? design_under_limit(*arguments, shown)
+                                                : design_for_samples(*arguments, shown);
   });
 }
 

@@ -74,6 +74,8 @@ data cell_of(const PageCell& cell, bool is_number) {
   view.set("text", cell.text);
   view.set("has_note", flag(!cell.note.empty()));
   view.set("note", cell.note);
+  view.set("has_order", flag(std::isfinite(cell.order)));
+  view.set("order", fmt::format("{:.9g}", cell.order));
   return view;
 }
 
@@ -81,9 +83,11 @@ data table_of(const PageTable& table) {
   data view;
   view.set("caption", table.caption);
   view.set("has_caption", flag(!table.caption.empty()));
+  view.set("sortable", flag(table.is_sortable));
   view.set("columns", list_of(table.columns, [](const PageTable::Column& column) {
              data head{"head", column.head};
              head.set("class", column.is_number ? "n" : "");
+             head.set("choice", flag(column.is_choice));
              return head;
            }));
   view.set("rows", list_of(table.rows, [&table](const std::vector<PageCell>& row) {
@@ -102,7 +106,20 @@ data figure_of(const PageFigure& figure) {
   data view{"svg", figure.svg};
   view.set("has_caption", flag(!figure.caption.empty()));
   view.set("caption", figure.caption);
+  view.set("has_keys", flag(!figure.keys.empty()));
+  view.set("keys", list_of(figure.keys, [](const PageKey& key) {
+             data entry{"name", key.name};
+             entry.set("swatch", key.swatch);
+             entry.set("words", key.words);
+             return entry;
+           }));
   return view;
+}
+
+bool has_sortable(const ReportPage& page) {
+  return std::ranges::any_of(page.sections, [](const PageSection& section) {
+    return std::ranges::any_of(section.tables, &PageTable::is_sortable);
+  });
 }
 
 std::string percent_encoded(const std::string& text) {
@@ -127,6 +144,7 @@ data download_of(const PageDownload& download) {
 data section_of(const PageSection& section, const ReportPage& page) {
   data view{"id", section.id};
   view.set("title", section.title);
+  view.set("listed", flag(section.is_listed));
   view.set("folded", flag(section.is_folded));
   view.set("open", flag(!section.is_folded));
   view.set("paragraphs", texts_of(section.paragraphs));
@@ -171,7 +189,38 @@ void set_origin(const PageOrigin& origin, data& view) {
   view.set("seconds", fmt::format("{:.{}f}", origin.seconds, origin.seconds < 10.0 ? 1 : 0));
 }
 
+nlohmann::ordered_json data_json(const ReportPage& page) {
+  nlohmann::ordered_json json = traces_json(page.traces, kTracePoints);
+  if (!page.plots.empty()) {
+    for (const ComparisonPlot& plot : page.plots) json["plots"].push_back(comparison_json(plot));
+  }
+  if (!page.poses.empty()) {
+    for (const PosePicture& picture : page.poses) json["poses"].push_back(pose_json(picture));
+  }
+  return json;
+}
+
 }  // namespace
+
+PageFigure comparison_figure(const ComparisonPlot& plot) {
+  PageFigure figure{.svg = comparison_svg(plot), .caption = plot.caption};
+  for (const PlotSeries& series : plot.series) {
+    figure.keys.push_back({series_swatch(series), series.name, series.words});
+  }
+  return figure;
+}
+
+PageFigure pose_figure(const PosePicture& picture) {
+  PageFigure figure{.svg = pose_svg(picture), .caption = picture.caption};
+  for (const DrawnPose& pose : picture.poses) {
+    PlotSeries series;
+    series.name = pose.name;
+    series.style = pose.style;
+    series.has_line = false;
+    figure.keys.push_back({series_swatch(series), pose.name, pose.words});
+  }
+  return figure;
+}
 
 std::string html_page(const ReportPage& page) {
   data view{"title", page.title};
@@ -187,8 +236,14 @@ std::string html_page(const ReportPage& page) {
            }));
   set_origin(page.origin, view);
   const bool is_live = !page.traces.empty();
+  const bool is_compared = !page.plots.empty() || has_sortable(page);
   view.set("is_live", flag(is_live));
-  view.set("data", script_safe(traces_json(page.traces, kTracePoints).dump()));
+  view.set("is_compared", flag(is_compared));
+  view.set("has_poses", flag(!page.poses.empty()));
+  view.set("has_data", flag(is_live || is_compared || !page.poses.empty()));
+  view.set("data", script_safe(data_json(page).dump()));
+  view.set("compare", page_texts::kCompare);
+  view.set("turn_poses", page_texts::kPoses);
   view.set("style", page_texts::kStyle);
   view.set("dygraphs_style", page_texts::kDygraphsStyle);
   view.set("script", page_texts::kScript);

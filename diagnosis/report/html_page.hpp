@@ -7,7 +7,8 @@
 //   write_text_file("report.html", html_page(page));
 //
 // Texts are plain; html_page() escapes them. The template page.mustache has all HTML, page.js draws
-// the traces with dygraphs from JSON in the page. A page with 40 000 points of traces takes less
+// the traces with dygraphs from JSON in the page, compare.js makes tables sortable and charts of
+// many curves readable point by point. A page with 40 000 points of traces takes less
 // than 2 MB (trace.hpp).
 #pragma once
 
@@ -16,6 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/report/comparison_plot.hpp"
+#include "diagnosis/report/pose_picture.hpp"
 #include "diagnosis/report/trace.hpp"
 
 namespace graybox {
@@ -27,21 +30,31 @@ struct PageCell {
   std::string text;
   std::string note = {};  // small, below the text
   PageMark mark = PageMark::kNone;
+  double order = std::numeric_limits<double>::quiet_NaN();  // sorts by it where it is finite
 };
 
 struct PageTable {
   struct Column {
     std::string head;
     bool is_number = false;
+    bool is_choice = false;  // of a sortable table: a menu of its values filters the rows
   };
   std::string caption;
   std::vector<Column> columns;
   std::vector<std::vector<PageCell>> rows;
+  bool is_sortable = false;  // by a click on a head; with more than eight rows also to be filtered
+};
+
+// A name in the list below a figure.
+struct PageKey {
+  std::string swatch;  // SVG
+  std::string name, words;
 };
 
 struct PageFigure {
   std::string svg;
   std::string caption = {};
+  std::vector<PageKey> keys = {};
 };
 
 // A text that the reader can save, or copy.
@@ -60,6 +73,7 @@ struct PageSection {
   std::vector<PageFigure> figures = {};
   bool has_traces = false;  // here is the place of ReportPage::traces
   bool is_folded = false;
+  bool is_listed = true;  // in the contents at the top
 };
 
 // A length between 0 and 1 with words, in the card at the top.
@@ -91,7 +105,12 @@ struct ReportPage {
   std::vector<PageSection> sections;
   std::vector<Trace> traces;
   PageOrigin origin;
+  std::vector<ComparisonPlot> plots = {};  // the data of comparison_figure() in the sections
+  std::vector<PosePicture> poses = {};     // likewise of pose_figure()
 };
+
+[[nodiscard]] PageFigure comparison_figure(const ComparisonPlot& plot);
+[[nodiscard]] PageFigure pose_figure(const PosePicture& picture);
 
 [[nodiscard]] std::string html_page(const ReportPage& page);
 

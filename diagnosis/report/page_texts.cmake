@@ -5,8 +5,9 @@ find_path(GRAYBOX_DYGRAPHS dygraph.min.js PATHS /usr/share/javascript/dygraphs R
   DOC "folder of dygraph.min.js (Debian: libjs-dygraphs)")
 find_path(GRAYBOX_MUSTACHE kainjow/mustache.hpp REQUIRED
   DOC "folder of kainjow/mustache.hpp (Debian: libkainjow-mustache-dev)")
-set(names kTemplate kStyle kScript kDygraphs kDygraphsStyle kSynchronizer kLicences)
-set(files ${folder}/page.mustache ${folder}/page.css ${folder}/page.js ${GRAYBOX_DYGRAPHS}/dygraph.min.js
+set(names kTemplate kStyle kScript kCompare kPoses kDygraphs kDygraphsStyle kSynchronizer kLicences)
+set(files ${folder}/page.mustache ${folder}/page.css ${folder}/page.js ${folder}/compare.js ${folder}/poses.js
+  ${GRAYBOX_DYGRAPHS}/dygraph.min.js
   ${GRAYBOX_DYGRAPHS}/dygraph.min.css ${GRAYBOX_DYGRAPHS}/src-es5/extras/synchronizer.js
   ${folder}/licences.txt)
 set(text "// Written by CMake from page.mustache and its like.\n#include \"diagnosis/report/page_texts.hpp\"\n\n")

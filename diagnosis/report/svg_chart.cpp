@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "diagnosis/report/axis_scale.hpp"
 
 namespace graybox {
 namespace {
@@ -17,70 +18,6 @@ std::string label_of(double value) {
   if (value == 0.0) return "0";
   return fmt::format("{:.4g}", value);
 }
-
-// Maps data to the page along one axis.
-class AxisScale {
- public:
-  AxisScale(const ChartAxis& axis, double from, double to)
-      : log_(axis.logarithmic), a_(from), b_(to) {}
-
-  void include(double value) {
-    if (!shows(value)) return;
-    low_ = std::min(low_, value);
-    high_ = std::max(high_, value);
-  }
-  void settle() {
-    if (!(low_ <= high_)) low_ = log_ ? 0.1 : 0.0, high_ = 1.0;
-    if (log_) {
-      low_ = std::log10(low_), high_ = std::log10(high_);
-      if (high_ - low_ < 0.3) low_ -= 0.3, high_ += 0.3;
-    } else if (high_ - low_ <= 1e-12 * std::max(std::abs(low_), std::abs(high_))) {
-      const double half = low_ == 0.0 ? 1.0 : 0.1 * std::abs(low_);
-      low_ -= half, high_ += half;
-    }
-    const double margin = 0.04 * (high_ - low_);
-    low_ -= margin, high_ += margin;
-  }
-  [[nodiscard]] bool shows(double value) const {
-    return std::isfinite(value) && (!log_ || value > 0.0);
-  }
-  [[nodiscard]] double place(double value) const {
-    const double at = log_ ? std::log10(value) : value;
-    return a_ + (at - low_) / (high_ - low_) * (b_ - a_);
-  }
-  [[nodiscard]] std::vector<double> ticks() const {
-    if (!log_) return round_ticks(low_, high_, 5);
-    std::vector<double> ticks = decades(high_ - low_ < 1.5);
-    if (ticks.size() < 2) {
-      ticks.clear();
-      for (const double tick : round_ticks(std::pow(10, low_), std::pow(10, high_), 4)) {
-        if (tick > 0.0) ticks.push_back(tick);
-      }
-    }
-    return ticks;
-  }
-
- private:
-  [[nodiscard]] std::vector<double> decades(bool with_steps) const {
-    std::vector<double> ticks;
-    const int stride = std::max(1, static_cast<int>(std::ceil((high_ - low_) / 8.0)));
-    const auto first = static_cast<int>(std::floor(low_));
-    for (int decade = first; decade <= static_cast<int>(std::ceil(high_)); ++decade) {
-      if ((decade - first) % stride != 0) continue;
-      for (const double step : {1.0, 2.0, 5.0}) {
-        if (step > 1.0 && !with_steps) break;
-        const double tick = step * std::pow(10.0, decade);
-        if (std::log10(tick) >= low_ && std::log10(tick) <= high_) ticks.push_back(tick);
-      }
-    }
-    return ticks;
-  }
-
-  bool log_;
-  double a_, b_;
-  double low_ = std::numeric_limits<double>::infinity();
-  double high_ = -std::numeric_limits<double>::infinity();
-};
 
 std::string opening(double width, double height, const std::string& says, const char* kind = "") {
   return fmt::format(
@@ -303,25 +240,6 @@ std::string map_cell(const HeatMap& map, const MapLayout& layout, std::size_t r,
 
 }  // namespace
 
-std::vector<double> round_ticks(double low, double high, int count) {
-  if (!(high > low) || count < 1) return {};
-  const double raw = (high - low) / count;
-  const double power = std::pow(10.0, std::floor(std::log10(raw)));
-  double step = 10.0 * power;
-  for (const double factor : {1.0, 2.0, 5.0}) {
-    if (factor * power >= raw) {
-      step = factor * power;
-      break;
-    }
-  }
-  std::vector<double> ticks;
-  for (double k = std::ceil(low / step); k * step <= high * (1.0 + 1e-12) + 1e-300; k += 1.0) {
-    ticks.push_back(k * step);
-    if (ticks.size() > 100) break;
-  }
-  return ticks;
-}
-
 std::string html_escaped(const std::string& text) {
   std::string escaped;
   for (const char letter : text) {
@@ -346,7 +264,8 @@ std::string html_escaped(const std::string& text) {
 }
 
 std::string svg_chart(const Chart& chart) {
-  AxisScale x(chart.x, kLeft, kWidth - kRight), y(chart.y, kHeight - kBottom, kTop);
+  AxisScale x(chart.x.logarithmic, kLeft, kWidth - kRight);
+  AxisScale y(chart.y.logarithmic, kHeight - kBottom, kTop);
   for (const ChartSeries& series : chart.series) {
     for (const double value : series.x) x.include(value);
     for (const double value : series.y) y.include(value);

@@ -52,7 +52,4 @@ struct HeatMap {
 // Text with the characters that HTML reserves written as entities.
 [[nodiscard]] std::string html_escaped(const std::string& text);
 
-// About `count` round numbers from `low` to `high`.
-[[nodiscard]] std::vector<double> round_ticks(double low, double high, int count);
-
 }  // namespace graybox

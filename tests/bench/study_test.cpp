@@ -25,6 +25,9 @@
 #include "bench/study/summary.hpp"
 #include "bench/study/tables.hpp"
 #include "bench/study/verify.hpp"
+#include "bench/study_page/page_facts.hpp"
+#include "bench/study_page/solver_sections.hpp"
+#include "bench/study_page/study_page.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
@@ -418,6 +421,45 @@ TEST_F(Study, WritesItsTablesAndSummary) {
   EXPECT_NE(summary.find("claimed_but_wrong"), std::string::npos);
   EXPECT_NE(summary.find("processor"), std::string::npos);
   EXPECT_EQ(text(options_.output / "summary.md"), summary);
+}
+
+// ---- the page -----------------------------------------------------------------------------------
+
+// A row of one solver on one set, in seconds; infinite ones are not solved.
+RunRow timed_row(const std::string& solver, const std::string& family, double seconds) {
+  RunRow row = example_row();
+  row.key.experiment = "families";
+  row.key.solver = solver;
+  row.key.problem = family;
+  row.family = family;
+  row.seconds = std::isfinite(seconds) ? seconds : 3.0;
+  row.status = std::isfinite(seconds) ? ReportStatus::kSolved : ReportStatus::kTimeLimit;
+  return row;
+}
+
+TEST(StudyPage, NamesTheWorstInstance) {
+  const std::vector<RunRow> runs{timed_row("fast", "a", 1.0), timed_row("slow", "a", 8.0),
+                                 timed_row("fast", "b", 2.0), timed_row("slow", "b", 10.0),
+                                 timed_row("weak", "a", 0.5), timed_row("weak", "b", kInfinity)};
+  const PageFacts facts = page_facts(summarise_points(runs));
+  const auto worst = [&](const char* solver) { return worst_of(facts.of_solver(solver)); };
+  EXPECT_EQ(worst("slow")->point.family, "a");  // 16 times, on b but 5
+  EXPECT_DOUBLE_EQ(worst("slow")->ratio, 16.0);
+  EXPECT_EQ(worst("slow")->fastest, "weak");
+  EXPECT_EQ(worst("fast")->point.family, "a");
+  EXPECT_EQ(worst("weak")->point.family, "b");  // not solved counts before any ratio
+  EXPECT_EQ(status_words(facts.of_solver("weak")), "solved 1, time_limit 1");
+  EXPECT_EQ(facts.solvers, (std::vector<std::string>{"fast", "slow", "weak"}));
+}
+
+TEST(StudyPage, EscapesWhatSolversAreCalled) {
+  const std::string name = "external:run <b>&\"x\"</script>";
+  StudyRows rows;
+  rows.runs = {timed_row(name, "a", 1.0)};
+  const std::string page = study_page(rows, {});
+  EXPECT_EQ(page.find("<b>&"), std::string::npos);
+  EXPECT_NE(page.find("run &lt;b&gt;&amp;"), std::string::npos);
+  EXPECT_NE(page.find("run \\u003cb>&"), std::string::npos);  // in the JSON
 }
 
 // ---- rows that can be verified -----------------------------------------------------------------

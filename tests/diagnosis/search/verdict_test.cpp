@@ -8,6 +8,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "diagnosis/report/axis_scale.hpp"
 #include "diagnosis/report/svg_chart.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/law_words.hpp"

@@ -1,0 +1,112 @@
+#include "bench/study_page/study_page.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "bench/study_page/page_facts.hpp"
+#include "bench/study_page/solver_sections.hpp"
+#include "bench/study_page/study_page_tables.hpp"
+#include "bench/study_page/study_plots.hpp"
+
+namespace graybox::bench {
+namespace {
+
+std::size_t count_solved(const std::vector<RunRow>& runs) {
+  return static_cast<std::size_t>(std::ranges::count(runs, ReportStatus::kSolved, &RunRow::status));
+}
+
+// The solver that is the fastest on most instances of the profile, and on how many.
+std::pair<std::string, std::size_t> most_often_fastest(const ProfileData& profile) {
+  std::map<std::string, std::size_t> wins;
+  for (std::size_t i = 0; i < profile.instances.size(); ++i) {
+    std::size_t best = 0;
+    for (std::size_t s = 1; s < profile.solvers.size(); ++s) {
+      if (profile.times[s][i] < profile.times[best][i]) best = s;
+    }
+    if (std::isfinite(profile.times[best][i])) ++wins[profile.solvers[best]];
+  }
+  const auto most = std::ranges::max_element(wins, {}, [](const auto& win) { return win.second; });
+  if (most == wins.end()) return {};
+  return {most->first, most->second};
+}
+
+void add_verdict(const StudyRows& rows, const ProfileData& profile,
+                 const std::vector<Agreement>& agreements, ReportPage& page) {
+  const bool agree = std::ranges::all_of(agreements, &Agreement::agrees);
+  page.tone = rows.runs.empty() ? PageMark::kOpen : agree ? PageMark::kPassed : PageMark::kFailed;
+  page.verdict = fmt::format("{} of {} runs solved", count_solved(rows.runs), rows.runs.size());
+  page.sentences.push_back(
+      agree ? fmt::format("All certified answers to each of the {} problems agree within their "
+                          "proven bounds.",
+                          agreements.size())
+            : "Certified answers to one problem disagree: see Agreement.");
+  if (const auto [solver, wins] = most_often_fastest(profile); wins > 0) {
+    page.sentences.push_back(
+        fmt::format("The fastest on most instances is {}: on {} of {}, to a checked gap of {}.",
+                    solver, wins, profile.instances.size(), gap_words(kProfileGap)));
+  }
+  page.sentences.push_back(
+      "A run counts as solved where the checker proves its gap; what the solver says of itself "
+      "does not count.");
+}
+
+PageSection points_section(const PageFacts& facts) {
+  std::vector<const ComparedPoint*> all;
+  for (const ComparedPoint& each : facts.points) all.push_back(&each);
+  PageSection section{.id = "points", .title = "All points"};
+  section.paragraphs = {
+      "A point is one solver on one set. Times are medians of its runs. Press a head to sort, "
+      "choose or type to filter."};
+  section.tables = {points_table("Points", all, true)};
+  return section;
+}
+
+}  // namespace
+
+std::string study_page(const StudyRows& rows, const PageOrigin& origin) {
+  const std::vector<PointSummary> points = summarise_points(rows.runs);
+  const ProfileData profile = profile_data(points);
+  const std::vector<SolverLaw> laws = fit_laws(points);
+  const std::vector<Agreement> agreements = check_agreement(rows.runs);
+  const std::vector<Headline> lines = headlines(points);
+  const PageFacts facts = page_facts(points);
+  ReportPage page{.title = "Study of solvers",
+                  .verdict = {},
+                  .sentences = {},
+                  .bars = {},
+                  .bars_title = {},
+                  .sections = {},
+                  .traces = {},
+                  .origin = origin};
+  add_verdict(rows, profile, agreements, page);
+  page.plots = study_plots(facts, laws, profile);
+  PageSection pictures{.id = "pictures", .title = "Figure 3 and profiles"};
+  for (const ComparisonPlot& plot : page.plots) {
+    pictures.figures.push_back(comparison_figure(plot));
+  }
+  if (!pictures.figures.empty()) page.sections.push_back(std::move(pictures));
+  PageSection solvers{.id = "solvers", .title = "Solvers"};
+  solvers.tables = {solvers_table(facts, laws)};
+  if (!lines.empty()) solvers.tables.push_back(headlines_table(lines));
+  page.sections.push_back(std::move(solvers));
+  page.sections.push_back(points_section(facts));
+  for (PageSection& section : solver_sections(facts)) page.sections.push_back(std::move(section));
+  PageSection agreement{.id = "agreement", .title = "Agreement"};
+  agreement.tables = {agreement_table(agreements)};
+  page.sections.push_back(std::move(agreement));
+  if (!rows.skips.empty()) {
+    PageSection skips{.id = "skips", .title = "Not run"};
+    skips.tables = {skips_table(rows.skips)};
+    page.sections.push_back(std::move(skips));
+  }
+  PageSection environment{.id = "environment", .title = "Environment"};
+  environment.tables = {environment_table(rows)};
+  page.sections.push_back(std::move(environment));
+  return html_page(page);
+}
+
+}  // namespace graybox::bench
