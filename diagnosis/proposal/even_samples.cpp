@@ -10,7 +10,7 @@ namespace {
 
 using Index = Eigen::Index;
 
-constexpr double kGap = 3.0;  // sample times
+constexpr double kGap = 5.5;  // sample times
 
 struct GaplessSamples {
   Index first = 0, count = 0;

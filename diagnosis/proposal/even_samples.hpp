@@ -3,7 +3,7 @@
 // Where a measured signal holds its values, one of so many samples is taken.
 //
 //   const EvenSamples even(log, time);
-//   start_one_mass(even.of(force), even.of(position), false, even.step());
+//   start_two_masses(even.of(force), even.of(motor), even.of(load), false, even.step());
 #pragma once
 
 #include <Eigen/Core>

@@ -26,6 +26,7 @@ struct LogFile {
   std::vector<LogColumn> columns;
   ColumnWords words;  // of its name
   std::optional<double> sample_time;
+  std::vector<std::string> remarks = {};
 
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
 };
@@ -66,7 +67,9 @@ LogFile read_log(const std::filesystem::path& path) {
     const ColumnWords words = words_with_file(column, log.words);
     log.columns.push_back(
         {0, column.name, column.unit, words, words.unit_factor * column.values, false, ""});
+    log.columns.back().number = column.number;
   }
+  log.remarks = std::move(file.remarks);
   return log;
 }
 
@@ -158,7 +161,8 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
   std::string names;
   for (LogColumn& column : recording.columns) {
     names += (names.empty() ? "'" : ", '") + column.name + "'";
-    const std::optional<int> place = place_in(answer, column.name);
+    std::optional<int> place = place_in(answer, column.name);
+    if (!place && !column.number.empty()) place = place_in(answer, column.number);
     if (!place) continue;
     found = true;
     column.answered = true;
@@ -208,6 +212,9 @@ std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
   std::filesystem::path first_short;
   for (const std::filesystem::path& path : files) {
     LogFile log = read_log(path);
+    if (remarks != nullptr) {
+      remarks->insert(remarks->end(), log.remarks.begin(), log.remarks.end());
+    }
     if (!log.columns.empty()) {
       logs.push_back(std::move(log));
       continue;
@@ -235,6 +242,14 @@ bool LogColumn::moves() const {
     highest = std::max(highest, value);
   }
   return highest > lowest;
+}
+
+bool LogColumn::counts_rows() const {
+  if (values.size() < 3 || !values.allFinite()) return false;
+  const double step = values(1) - values(0);
+  if (!(step > 0.0) || step != std::round(step)) return false;
+  const Eigen::Index n = values.size() - 1;
+  return ((values.tail(n) - values.head(n)).array() == step).all();
 }
 
 bool LogColumn::has_gaps() const { return !values.allFinite(); }

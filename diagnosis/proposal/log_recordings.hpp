@@ -30,9 +30,11 @@ struct LogColumn {
   std::string joint;                  // said by the user: a joint's name, motor or load; else empty
   std::string evidence = {};          // what the data said of it, where its title says nothing
   bool differs_between_logs = false;  // one value in each log, not the same in all
+  std::string number = {};            // "3", which names it, too, where names stood in a comment
 
   [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
+  [[nodiscard]] bool counts_rows() const;  // whole numbers, each larger than the last by the same
 };
 
 struct LogRecording {

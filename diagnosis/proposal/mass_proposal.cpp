@@ -8,7 +8,10 @@
 #include <set>
 #include <string>
 
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
+#include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
+#include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
@@ -94,7 +97,8 @@ class MassProposal {
   // Columns that move and of which no one knows what they are.
   void collect_open_columns() {
     for (const LogColumn* column : columns_) {
-      if (column->words.quantity == LogQuantity::kUnknown && column->moves()) {
+      if (column->words.quantity == LogQuantity::kUnknown && column->moves() &&
+          !column->counts_rows()) {
         open_.push_back(column);
       }
     }
@@ -458,10 +462,55 @@ class MassProposal {
     draft_.experiments =
         draft_experiments(recordings_, decisive, !motions_.empty() && motions_.front().is_velocity,
                           raw_step_ > 0.0 ? raw_step_ : draft_.time.sample_time, request_.split);
+    split_in_blocks();
+    note_sparse_rows();
     if (draft_.time.every > 1) {
       for (DraftExperiment& each : draft_.experiments) each.from = first_of_held(each);
     }
     guess_what_is_kept_out();
+  }
+
+  // Halves of which one has no drive or no motion check nothing: then alternating blocks.
+  void split_in_blocks() {
+    const bool has_halves =
+        request_.split == SplitPlan::kMovingHalves || request_.split == SplitPlan::kWholeHalves;
+    const bool is_known = drive_ != nullptr && !motions_.empty() && motions_[0].column != nullptr;
+    if (!has_halves || !is_known || draft_.experiments.size() != 2 || recordings_.size() != 1) {
+      return;
+    }
+    const Eigen::Index first = draft_.experiments.front().first,
+                       count = draft_.experiments.back().last - first + 1;
+    const Eigen::VectorXd drive = without_gaps(drive_->values), moves = motions_[0].values(log_);
+    blocks_ = kept_out_blocks(drive.segment(first, count), moves.segment(first, count),
+                              motions_[0].is_velocity);
+    if (blocks_.count < 3) return;
+    draft_.experiments.clear();
+    for (Eigen::Index k = 0; k < blocks_.count; ++k) {
+      draft_.experiments.push_back({0, first + k * count / blocks_.count,
+                                    first + (k + 1) * count / blocks_.count - 1, false,
+                                    k % 2 == 1});
+    }
+  }
+
+  // Rows so rare that most samples would be interpolated between them.
+  void note_sparse_rows() {
+    const LogTime& time = draft_.time;
+    if (time.is_even || time.column.empty() || !(time.sample_time > 0.0)) return;
+    constexpr double kMeasured = 0.5;  // of the samples
+    const Eigen::VectorXd stamps =
+        time.seconds() * recordings_.front().at(time.file, time.column).values;
+    for (const DraftExperiment& each : draft_.experiments) {
+      if (each.recording != 0 || each.last <= each.first) continue;
+      const auto rows = static_cast<double>((each.last - each.first) / time.every + 1);
+      const double samples = 1.0 + (stamps(each.last) - stamps(each.first)) / time.sample_time;
+      if (rows >= kMeasured * samples) continue;
+      proposal_.notes.push_back(fmt::format(
+          "{} has {:.0f} rows for {:.0f} samples of {:g} s: {:.0f} % of them would be interpolated "
+          "between rows, and prove nothing; record at even times, or cut such rows out in "
+          "campaign.yaml (segments)",
+          each.is_validation ? "what is kept out" : "what is fitted", rows, samples,
+          time.sample_time, 100.0 * (1.0 - rows / samples)));
+    }
   }
 
   void guess_what_is_kept_out() {
@@ -472,8 +521,17 @@ class MassProposal {
       guess("kept out", recordings_.back().files.front().filename().string(), "checks the fit");
     } else if (request_.split == SplitPlan::kMostInFit) {
       guess("kept out", "the last quarter", "checks the fit; " + few);
+    } else if (blocks_.count > 2) {
+      guess("kept out", fmt::format("every second of {} parts", blocks_.count),
+            blocks_.reason + ", so halves would not be alike");
     } else {
       guess("kept out", "the second half", "checks the fit");
+      if (!blocks_.is_fair) {
+        proposal_.notes.push_back(
+            fmt::format("{}: what is kept out is no fair check, and no other split of this log is; "
+                        "record another run",
+                        blocks_.reason));
+      }
     }
     if (request_.split != SplitPlan::kMovingHalves) {
       guess("standstill", "kept",
@@ -497,7 +555,9 @@ class MassProposal {
   void note_unused() {
     for (const LogColumn* column : columns_) {
       if (is_used(column)) continue;
+      const bool is_unknown = column->words.quantity == LogQuantity::kUnknown;
       const char* why = !column->moves()                                  ? "never changes"
+                        : is_unknown && column->counts_rows()             ? "numbers the rows"
                         : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
                         : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
                         : column->words.is_reference                      ? "a reference"
@@ -562,16 +622,53 @@ class MassProposal {
     return even_.of(motions_[k].values(log_));
   }
 
+  [[nodiscard]] OneMassStart one_mass_start() const {
+    return start_one_mass(
+        {force(), motion(0), motions_[0].is_velocity, !is_linear(), draft_.time.sample_time});
+  }
+
+  // A drive that counts the other way makes the mass negative.
+  void doubt_sign(const OneMassStart& start) {
+    proposal_.notes.push_back(fmt::format(
+        "is the sign of '{0}' right? The mass would be negative, -{1:.3g} {2} within {3:.0f} %: it "
+        "pushes against the way the axis speeds up. If it counts the other way say "
+        "--gain=-{4:g} (start values are those of the turned drive)",
+        drive_->name, start.inertia, inertia_unit(), 100.0 * start.spread, force_factor_));
+  }
+
+  // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
+  std::string weight(const OneMassStart& start) {
+    const bool is_needed = start.told == OneMassTold::kInertia &&
+                           (start.sine != 0.0 || start.cosine != 0.0) &&
+                           manner_of_drive(*drive_, recordings_).has_one_sign;
+    if (!is_needed) return "";
+    const char* why = "the drive never changes its sign, and the axis comes back";
+    guess("weight",
+          fmt::format("{:.3g} {} at most", std::hypot(start.sine, start.cosine), force_unit()),
+          fmt::format("{}; it is fitted", why));
+    return fmt::format(
+        "{:<46} # {}\n    location: {{kind: element, mass: axis}}\n    law: gravity\n"
+        "    parameters: {{sine: {{value: {:.4g}, unit: N m}}, cosine: {{value: {:.4g}, unit: N "
+        "m}}}}\n",
+        "  - name: weight", why, start.sine, start.cosine);
+  }
+
   std::string masses() {
-    OneMassStart start{1.0, 0.01};
+    OneMassStart start;
     std::string why = "guessed: open until the questions are answered";
     if (can_compute()) {
-      why = "guessed: the log shows no inertia";
-      const std::optional<OneMassStart> found =
-          start_one_mass(force(), motion(0), motions_[0].is_velocity, draft_.time.sample_time);
-      if (found) {
-        start = *found;
-        why = "a start: least squares of the drive on acceleration and friction";
+      start = one_mass_start();
+      switch (start.told) {
+        case OneMassTold::kInertia:
+          why = "a start: least squares of the motion on the drive and friction";
+          break;
+        case OneMassTold::kReversed:
+          why = "guessed: negative; is the sign of the drive right?";
+          doubt_sign(start);
+          break;
+        case OneMassTold::kNothing:
+          why = start.has_value ? "guessed: the log hardly shows an inertia"
+                                : "guessed: the log shows no inertia";
       }
     }
     const std::string damping_unit = is_linear() ? "N s/m" : "N m s/rad";
@@ -583,7 +680,8 @@ class MassProposal {
                "elements:\n  - name: bearing\n    location: {{kind: element, mass: axis}}\n"
                "    law: viscous\n"
                "    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
-               start.damping, damping_unit);
+               start.damping, damping_unit) +
+           weight(start);
   }
 
   SpringStart spring_start() {
@@ -599,9 +697,8 @@ class MassProposal {
       const auto found =
           start_one_encoder(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
       if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
-      const auto one =
-          start_one_mass(force(), motor, motions_[0].is_velocity, draft_.time.sample_time);
-      if (one) total = one->inertia;
+      const OneMassStart one = one_mass_start();
+      if (one.told == OneMassTold::kInertia) total = one.inertia;
     }
     constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s
     return {{0.5 * total, 0.5 * total, 0.25 * total * kGuess * kGuess, 0.01 * total * kGuess},
@@ -678,6 +775,7 @@ class MassProposal {
   double drive_period_ = 0.0;  // of its wraps, in its unit; 0: none
   std::string drive_wrap_;     // for the campaign
   double raw_step_ = 0.0;      // s between recorded samples, where values are held
+  KeptOutBlocks blocks_;
   CampaignDraft draft_;
   ModelProposal proposal_;
 };

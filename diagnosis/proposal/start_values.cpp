@@ -104,11 +104,6 @@ LeastSquares solve(const Eigen::MatrixXd& columns, const Eigen::VectorXd& right)
   return {values.cwiseQuotient(scales), (spread * variances.cwiseSqrt()).cwiseQuotient(scales)};
 }
 
-// Double rows as independent as they are few: windows overlap.
-bool is_sure(const LeastSquares& fit, Eigen::Index k, Eigen::Index width) {
-  return fit.values(k) > 2.0 * fit.errors(k) * std::sqrt(static_cast<double>(width));
-}
-
 struct Spectra {
   Eigen::VectorXd frequency;  // Hz
   Eigen::VectorXcd force, acceleration;
@@ -164,30 +159,6 @@ std::pair<double, double> fit_pair(const Spectra& spectra, double anti, double r
 }
 
 }  // namespace
-
-std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
-                                           const Eigen::VectorXd& motion, bool is_velocity,
-                                           double sample_time) {
-  const Windows windows = windows_for({motion}, is_velocity, sample_time);
-  const Eigen::VectorXd velocity = windows.velocity(motion);
-  const Eigen::VectorXd right = windows.summed(force);
-  Eigen::MatrixXd columns(right.size(), 4);
-  columns << windows.accelerated(motion), windows.summed(velocity),
-      Eigen::VectorXd::Ones(right.size()), windows.summed(signs_of(velocity));
-  LeastSquares fit = solve(columns, right);
-  // In a single step dry friction is as good as a mass: then without it, if that is enough.
-  if (!is_sure(fit, 0, windows.width)) {
-    constexpr double kLeft = 0.3;  // of the force's deviation
-    const Eigen::MatrixXd plain = columns.leftCols(2);
-    fit = solve(plain, right);
-    const double rest = (right - plain * fit.values).norm();
-    if (rest > kLeft * (right.array() - right.mean()).matrix().norm()) return {};
-  }
-  if (!is_sure(fit, 0, windows.width)) return {};
-  // Damping that takes a hundredth of the force at the usual speed.
-  const double least = 0.01 * std::sqrt(force.squaredNorm() / velocity.squaredNorm());
-  return OneMassStart{fit.values(0), std::max(fit.values(1), least)};
-}
 
 std::optional<TwoMassStart> start_two_masses(const Eigen::VectorXd& force,
                                              const Eigen::VectorXd& motor,

@@ -1,5 +1,5 @@
-// Starting values of masses and springs, by least squares over windows instead of derivatives: with
-// a triangle w of two windows' width,
+// Starting values of two masses and their spring, by least squares over windows instead of
+// derivatives: with a triangle w of two windows' width,
 //
 //   J [q(t+W) - 2 q(t) + q(t-W)] = sum over s of w(s) (force - friction)(t+s),
 //
@@ -12,18 +12,6 @@
 #include <optional>
 
 namespace graybox {
-
-struct OneMassStart {
-  double inertia = 0.0;
-  double damping = 0.0;  // at least a hundredth of what takes the motion's power
-};
-
-// One mass. None where the data have no sign of an inertia (its size is within two errors of zero,
-// or negative), with dry friction and without. Without it only if that leaves less than 30 % of the
-// force: a single step can't tell a mass from dry friction.
-[[nodiscard]] std::optional<OneMassStart> start_one_mass(const Eigen::VectorXd& force,
-                                                         const Eigen::VectorXd& motion,
-                                                         bool is_velocity, double sample_time);
 
 struct TwoMassStart {
   double motor = 0.0, load = 0.0;         // inertias

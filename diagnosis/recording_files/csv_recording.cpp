@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
+#include <set>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -25,22 +28,38 @@ RecordedColumn titled(std::string_view title) {
   return {std::string(title), {}, {}};
 }
 
+// Names of columns; those that are empty are left so.
 std::vector<RecordedColumn> header_columns(const std::string& path,
                                            const std::vector<std::string_view>& fields) {
   std::vector<RecordedColumn> columns;
   for (const std::string_view field : fields) {
     columns.push_back(titled(field));
-    if (columns.back().name.empty()) {
-      throw InputError(fmt::format("{}: header: column {} has no name", path, columns.size()));
-    }
     for (std::size_t k = 0; k + 1 < columns.size(); ++k) {
-      if (columns[k].name == columns.back().name) {
+      if (!columns[k].name.empty() && columns[k].name == columns.back().name) {
         throw InputError(
             fmt::format("{}: header: two columns are called '{}'", path, columns.back().name));
       }
     }
   }
   return columns;
+}
+
+// Names in the comment above the numbers, "# t u v" or "% t, u"; none where they don't fit.
+std::vector<RecordedColumn> columns_in_comment(std::string_view comment, std::string_view first,
+                                               std::size_t count) {
+  comment = trimmed(comment.substr(std::min(comment.find_first_not_of("#% \t"), comment.size())));
+  for (const std::string_view separated : {first, comment}) {
+    const std::vector<std::string_view> titles = FieldSplitter(separated).split(comment);
+    std::vector<RecordedColumn> columns;
+    std::set<std::string> names;
+    for (const std::string_view title : titles) {
+      columns.push_back(titled(title));
+      columns.back().number = std::to_string(columns.size());
+      if (!columns.back().name.empty()) names.insert(columns.back().name);
+    }
+    if (names.size() == count && columns.size() == count && is_header(titles)) return columns;
+  }
+  return {};
 }
 
 // A line of units below the header: each field is a known unit, in brackets or not, "-" or empty,
@@ -65,11 +84,72 @@ bool takes_units(const std::vector<std::string_view>& fields,
   return any;
 }
 
-// An empty field is a sample that is not there.
+// An empty field and an error of Excel are samples that are not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
                  std::string_view field) {
-  if (field.empty()) return std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  if (field.empty()) return kNone;
+  for (const std::string_view error :
+       {"#VALUE!", "#DIV/0!", "#N/A", "#NUM!", "#REF!", "#NAME?", "#NULL!"}) {
+    if (field == error) return kNone;
+  }
+  // What stands in a column without a name is a note.
+  double number = kNone;
+  if (column.empty()) return parse_number(field, number) ? number : kNone;
   return number_in_table(path, line, fmt::format("'{}'", column), field);
+}
+
+// The header, or numbers as names; the first line of numbers is in `line` then.
+bool read_header(LineReader& lines, std::string_view& line, FieldSplitter& splitter,
+                 std::string_view comment, RecordingFile& file) {
+  const std::vector<std::string_view> fields = splitter.split(line);
+  if (!is_header(fields)) {
+    file.columns = columns_in_comment(comment, line, fields.size());
+    if (!file.columns.empty()) return true;
+    for (std::size_t k = 0; k < fields.size(); ++k) {
+      file.columns.push_back({std::to_string(k + 1), {}, {}});
+    }
+    return true;
+  }
+  file.columns = header_columns(file.path, fields);
+  bool more = lines.next(line);
+  if (more && takes_units(splitter.split(line), file.columns)) more = lines.next(line);
+  return more;
+}
+
+// A header may name the first of several columns only, as exported time series have it.
+void name_the_rest(std::size_t fields, RecordingFile& file) {
+  const std::size_t named = file.columns.size();
+  if (fields <= named) return;
+  for (std::size_t k = named; k < fields; ++k) {
+    file.columns.push_back({std::to_string(k + 1), {}, {}});
+  }
+  file.remarks.push_back(
+      fmt::format("{}: the header names {} of {} columns: the others are called by their numbers, "
+                  "{} to {}",
+                  file.path, named, fields, named + 1, fields));
+}
+
+// Columns without a name: called by their number, or left out where hardly any number stands.
+void name_or_drop_unnamed(RecordingFile& file) {
+  constexpr double kEnough = 0.5;  // of the rows
+  std::string dropped;
+  std::vector<RecordedColumn> kept;
+  for (std::size_t k = 0; k < file.columns.size(); ++k) {
+    RecordedColumn& column = file.columns[k];
+    const auto numbers = static_cast<double>(column.values.array().isFinite().count());
+    const bool is_unnamed = column.name.empty();
+    if (is_unnamed && numbers < kEnough * static_cast<double>(column.values.size())) {
+      if (numbers > 0.0) dropped += fmt::format("{}{}", dropped.empty() ? "" : ", ", k + 1);
+      continue;
+    }
+    if (is_unnamed) column.name = std::to_string(k + 1);
+    kept.push_back(std::move(column));
+  }
+  file.columns = std::move(kept);
+  if (dropped.empty()) return;
+  file.remarks.push_back(fmt::format(
+      "{}: without a name and with hardly any number, so left out: column {}", file.path, dropped));
 }
 
 }  // namespace
@@ -78,18 +158,13 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
   LineReader lines = text ? LineReader(path, *std::move(text)) : LineReader(path);
   std::string_view line;
-  if (!lines.next(line)) throw InputError(path + ": there are no numbers");
+  bool more = lines.next(line);
+  std::string comment = lines.comment();
+  for (; more && line.front() == '%'; more = lines.next(line)) comment = line;
+  if (!more) throw InputError(path + ": there are no numbers");
   FieldSplitter splitter(line);
-  bool more = true;
-  if (const auto& titles = splitter.split(line); is_header(titles)) {
-    file.columns = header_columns(path, titles);
-    more = lines.next(line);
-    if (more && takes_units(splitter.split(line), file.columns)) more = lines.next(line);
-  } else {
-    for (std::size_t k = 0; k < titles.size(); ++k) {
-      file.columns.push_back({std::to_string(k + 1), {}, {}});
-    }
-  }
+  more = read_header(lines, line, splitter, comment, file);
+  if (more) name_the_rest(splitter.split(line).size(), file);
   std::vector<std::vector<double>> values(file.columns.size());
   for (; more; more = lines.next(line)) {
     const auto& fields = splitter.split(line);
@@ -106,6 +181,8 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     file.columns[k].values = Eigen::Map<const Eigen::VectorXd>(
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
+  name_or_drop_unnamed(file);
+  if (file.columns.empty()) throw InputError(path + ": no column has a name or numbers");
   return file;
 }
 

@@ -33,8 +33,8 @@ std::string names_in(const RecordingFile& file) {
 
 [[noreturn]] void fail_ending(const std::string& name, const std::string& ending) {
   throw InputError(
-      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .h5, .hdf5, .mat, .npy, "
-                  ".json, .jsonl, .ndjson, and .csv, .txt, .json, .jsonl, .ndjson with "
+      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .dat, .h5, .hdf5, .mat, .npy, "
+                  ".json, .jsonl, .ndjson, and .csv, .txt, .dat, .json, .jsonl, .ndjson with "
                   ".gz",
                   name, ending));
 }
@@ -43,7 +43,7 @@ using TextReader = RecordingFile (*)(const std::string& path, formats::PackedTex
 
 // Null for endings of other formats.
 TextReader text_reader(const std::string& ending) {
-  if (ending == ".csv" || ending == ".txt") return &formats::read_csv_recording;
+  if (ending == ".csv" || ending == ".txt" || ending == ".dat") return &formats::read_csv_recording;
   if (ending == ".json") return &formats::read_json_recording;
   if (ending == ".jsonl" || ending == ".ndjson") return &formats::read_json_lines;
   return nullptr;
@@ -72,7 +72,10 @@ RecordingFile read_by_ending(const std::filesystem::path& path, const std::strin
 }  // namespace
 
 const RecordedColumn* RecordingFile::find(const std::string& name) const {
-  const auto found = std::ranges::find(columns, name, &RecordedColumn::name);
+  auto found = std::ranges::find(columns, name, &RecordedColumn::name);
+  if (found == columns.end() && !name.empty()) {
+    found = std::ranges::find(columns, name, &RecordedColumn::number);
+  }
   return found == columns.end() ? nullptr : &*found;
 }
 

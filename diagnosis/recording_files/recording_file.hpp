@@ -1,8 +1,11 @@
 // The columns of one data file, whatever its format:
 //
-//   .csv .txt   a header with the columns' names, then numbers; separated by commas, semicolons,
-//               tabs or blanks. Without a header the columns are called 1, 2, ... A name may carry
-//               its unit: "speed [rpm]", or a second line has the units. Empty fields are NaN.
+//   .csv .txt .dat  a header with the columns' names, then numbers; separated by commas,
+//               semicolons, tabs or blanks. Without a header the columns are called 1, 2, ...; the
+//               last line with # or % before the numbers is one if it has as many names. A name may
+//               carry its unit: "speed [rpm]", or a second line has the units. Empty fields and
+//               Excel's errors (#VALUE!) are NaN. Columns without a name are called by their
+//               number; those with hardly a number are left out.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
 //   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as
 //               "rec.speed"
@@ -29,6 +32,7 @@ struct RecordedColumn {
   std::string name;
   std::string unit;  // as the file states it; empty if it doesn't
   Eigen::VectorXd values;
+  std::string number = {};  // "3", which names it, too, where names stood in a comment
 };
 
 struct RecordingFile {
@@ -36,6 +40,7 @@ struct RecordingFile {
   std::vector<RecordedColumn> columns;
   std::vector<std::string> unclear_arrays;  // whose axes leave open which of them is time
   std::optional<double> sample_time;        // s, as the file states it
+  std::vector<std::string> remarks = {};    // what the reader made of an odd file
 
   // Null if there is none.
   [[nodiscard]] const RecordedColumn* find(const std::string& name) const;

@@ -16,6 +16,7 @@
 #include "diagnosis/signal_faults/lost_sign.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "diagnosis/signal_faults/speed_impact.hpp"
 #include "diagnosis/signal_faults/spike.hpp"
 #include "diagnosis/signal_faults/stuck_sensor.hpp"
 
@@ -211,6 +212,27 @@ void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findi
       "nothing mends that: record more motion or a finer sensor, or state noise"));
 }
 
+// ---- impacts ------------------------------------------------------------------------------------
+
+// Nothing is wrong with such a channel: the machine hit something, and no model here has that.
+void add_impacts(const ChannelSamples& samples, std::vector<Finding>& findings) {
+  const Channel& channel = *samples.channel;
+  const bool is_velocity = channel.unit == "rad/s" || channel.unit == "m/s";
+  if (channel.role != ChannelRole::kOutput || !is_velocity) return;
+  const std::optional<SpeedImpacts> impacts = find_speed_impacts(samples.values);
+  if (!impacts) return;
+  const std::string more = impacts->count > 1
+                               ? fmt::format(" ({} more of that kind)", impacts->count - 1)
+                               : std::string();
+  findings.push_back(finding_of(
+      samples, impacts->first, "impact", impacts->strength,
+      fmt::format("turns round between two samples, by up to {:.3g} {}{}: an impact, as on an end "
+                  "stop?",
+                  impacts->largest, channel.recorded_unit, more),
+      "samples that were lost",
+      "nothing is wrong with the channel; segments without impacts fit a model without stops"));
+}
+
 // ---- values that are held, signs that were lost -------------------------------------------------
 
 // What takes one of every n samples.
@@ -291,6 +313,7 @@ DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
     add_stuck_run(piece, samples, findings, faulty);
     if (!wrap) add_lost_samples(samples, findings, faulty.jumps);
     add_quantisation(samples, findings);
+    add_impacts(samples, findings);
     add_held_values(samples, findings);
     if (!wrap && !result.times_jitter) result.times_jitter = has_arrival_times(samples, findings);
   }

@@ -1,8 +1,9 @@
 // Faults of the data that show in the samples by themselves, before any physics. What each detector
 // found is said in words (spike.hpp, stuck_sensor.hpp, counter_wrap.hpp, lost_samples.hpp,
-// quantisation.hpp, held_values.hpp, lost_sign.hpp, recording_copies.hpp). Each comes with its
-// place, how sure it is, what else it could be and the line of campaign.yaml that mends it. Nothing
-// is mended here, but it is told which samples can't be data, for fault_mending.hpp.
+// quantisation.hpp, speed_impact.hpp, held_values.hpp, lost_sign.hpp, recording_copies.hpp). Each
+// comes with its place, how sure it is, what else it could be and the line of campaign.yaml that
+// mends it. Nothing is mended here, but it is told which samples can't be data, for
+// fault_mending.hpp.
 //
 // How often each rule is wrong and right was measured on real recordings:
 // docs/how_to/recordings.md.

@@ -575,7 +575,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   std::ranges::copy(diagnosis.assumptions, std::back_inserter(lines));
   for (const ChannelFault& fault : diagnosis.channel_faults) {
     lines.push_back(fmt::format(
-        "{} ({} {:.2f}, without this {:.2f}). Mend it in campaign.yaml or in the model; "
+        "{} ({} {:.3g}, without this {:.3g}). Mend it in campaign.yaml or in the model; "
         "--ignore-faults searches all the same.",
         fault.statement(), fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
   }

@@ -9,8 +9,6 @@
 #include <optional>
 #include <string>
 
-#include "problems/base/units.hpp"
-
 namespace graybox {
 namespace {
 
@@ -104,18 +102,12 @@ std::vector<ChannelFault> find_wraps(const RigidRobotModel& robot, std::span<con
   const MatrixXd to_recorded = channels.motor_position
                                    ? MatrixXd(robot.transmission.transpose())
                                    : MatrixXd::Identity(robot.size(), robot.size());
-  const auto examine = [&](const MatrixXd Motion::*signal, const std::vector<std::string>& names,
-                           bool is_rate) {
-    for (std::size_t j = 0; j < names.size(); ++j) {
-      const std::string unit = robot.joints[j].is_prismatic ? "m" : "rad";
-      std::optional<ChannelFault> fault =
-          wrap_of(pieces, signal, to_recorded.col(static_cast<Index>(j)), names[j],
-                  is_rate ? unit_of_derivative(unit) : unit);
-      if (fault) faults.push_back(*std::move(fault));
-    }
-  };
-  examine(&Motion::position, channels.position, false);
-  examine(&Motion::velocity, channels.velocity, true);
+  for (std::size_t j = 0; j < channels.position.size(); ++j) {
+    std::optional<ChannelFault> fault =
+        wrap_of(pieces, &Motion::position, to_recorded.col(static_cast<Index>(j)),
+                channels.position[j], robot.joints[j].is_prismatic ? "m" : "rad");
+    if (fault) faults.push_back(*std::move(fault));
+  }
   return faults;
 }
 

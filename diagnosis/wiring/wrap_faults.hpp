@@ -1,4 +1,5 @@
-// Counters that wrap. A position or velocity jumps by its whole range between two samples, again
+// Counters that wrap. A position (no speed: that is no counter, and turns round at an end stop;
+// diagnosis/signal_faults/speed_impact.hpp) jumps by its whole range between two samples, again
 // and again by the same amount, and moves smoothly else. A jump's slope makes forces of any sign,
 // so that this has to be asked before anything about signs.
 //

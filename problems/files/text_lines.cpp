@@ -36,7 +36,9 @@ bool LineReader::next(std::string_view& line) {
     line = text_;
     if (number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);  // a BOM
     line = trimmed(line);
-    if (!line.empty() && line.front() != '#') return true;
+    if (line.empty()) continue;
+    if (line.front() != '#') return true;
+    comment_ = line;
   }
   if (stream_->bad()) throw InputError(fmt::format("{}: can't be read", path_));
   return false;

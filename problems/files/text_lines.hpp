@@ -25,11 +25,13 @@ class LineReader {
   // The line is valid until the next call. Throws InputError if the file can't be read.
   bool next(std::string_view& line);
   [[nodiscard]] std::size_t number() const { return number_; }
+  // The last line with # that was skipped, with its sign; empty where there was none.
+  [[nodiscard]] const std::string& comment() const { return comment_; }
 
  private:
   std::string path_;
   std::unique_ptr<std::istream> stream_;
-  std::string text_;
+  std::string text_, comment_;
   std::size_t number_ = 0;
 };
 

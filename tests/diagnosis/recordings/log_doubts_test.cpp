@@ -128,6 +128,17 @@ std::vector<double> supply(const Axis& machine) {
   return mapped(machine.force, [&](double u) { return 12.0 - 0.4 * std::abs(u) + noise(random); });
 }
 
+TEST_F(LogDoubts, AColumnThatCountsRowsIsNotOffered) {
+  const Axis m = axis(500, 0.01);
+  std::vector<double> rows;
+  for (std::size_t k = 0; k < m.time.size(); ++k) rows.push_back(static_cast<double>(k));
+  const ModelProposal proposal = proposed(
+      {{"time", m.time}, {"n", rows}, {"position [rad]", m.position}, {"abc", m.force}});
+  EXPECT_NE(value_of(proposal, "drive").find("'abc'"), std::string::npos)
+      << questions_of(proposal);
+  EXPECT_NE(value_of(proposal, "not used").find("n: numbers the rows"), std::string::npos);
+}
+
 // ---- drives -------------------------------------------------------------------------------------
 
 TEST_F(LogDoubts, ASupplyIsNoDriveWithoutAQuestion) {
@@ -157,6 +168,41 @@ TEST_F(LogDoubts, ADriveThatBearsAWeightIsTakenWithTheDoubt) {
   const ModelProposal sound =
       proposed({{"time", free.time}, {"position", free.position}, {"current", free.force}});
   EXPECT_EQ(notes_of(sound).find("sign"), std::string::npos) << notes_of(sound);
+}
+
+// The mass would be negative.
+TEST_F(LogDoubts, ADriveOfTheWrongSignIsAsked) {
+  const Axis m = axis(2000, 0.01);
+  const std::vector<double> turned = mapped(m.force, [](double u) { return -u; });
+  const ModelProposal proposal =
+      proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", turned}});
+  EXPECT_NE(notes_of(proposal).find("is the sign of 'torque' right?"), std::string::npos);
+  EXPECT_NE(notes_of(proposal).find("--gain=-1"), std::string::npos);
+  EXPECT_NE(value_of(proposal, "mass").find("guessed: negative"), std::string::npos);
+  const ModelProposal right =
+      proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
+  EXPECT_EQ(notes_of(right).find("sign"), std::string::npos);
+}
+
+// An arm that is pushed up and falls back: a weight stands in the model.
+TEST_F(LogDoubts, ADriveThatOnlyPushesBearsAWeight) {
+  constexpr double kInertia = 0.4, kDamping = 4.0, kWeight = 60.0, kStep = 0.002;
+  std::vector<double> time, position, force;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < 3000; ++k) {
+    const double u = k % 700 > 150 && k % 700 < 250 + k / 20 ? 90.0 : 0.0;
+    time.push_back(kStep * k);
+    position.push_back(q);
+    force.push_back(u);
+    for (int s = 0; s < 20; ++s) {
+      v += (u - kDamping * v - kWeight * std::sin(q)) / kInertia * kStep / 20.0;
+      q += v * kStep / 20.0;
+    }
+  }
+  const ModelProposal proposal =
+      proposed({{"time", time}, {"position [rad]", position}, {"torque [N m]", force}});
+  EXPECT_NE(proposal.model_text.find("law: gravity"), std::string::npos) << proposal.model_text;
+  EXPECT_NE(value_of(proposal, "weight").find("N m at most"), std::string::npos);
 }
 
 TEST_F(LogDoubts, ATorqueOfNoiseDoesNotBeatTheCurrent) {
@@ -314,6 +360,63 @@ TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
                                                            {"angle [rad]", longer.position},
                                                            {"torque [Nm]", longer.force}})});
   EXPECT_EQ(value_of(halves, "kept out"), "the second half; checks the fit");
+}
+
+// A push in the first half, and then the axis coasts.
+TEST_F(LogDoubts, WhatIsKeptOutHasADriveToo) {
+  Axis m = axis(1200, 0.01);
+  const ModelProposal halves =
+      proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
+  EXPECT_EQ(value_of(halves, "kept out"), "the second half; checks the fit");
+  for (std::size_t k = 560; k < m.force.size(); ++k) m.force[k] = 0.0;
+  const ModelProposal blocks =
+      proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
+  EXPECT_EQ(value_of(blocks, "kept out"),
+            "every second of 4 parts; the drive is zero in the second half, so halves would not be "
+            "alike");
+  std::size_t kept = 0;
+  for (std::size_t at = 0;
+       (at = blocks.campaign_text.find("role: validation", at)) != std::string::npos; ++at) {
+    ++kept;
+  }
+  EXPECT_EQ(kept, 2U) << blocks.campaign_text;
+}
+
+// Frequencies that rise: each part has low and high ones.
+TEST_F(LogDoubts, AChirpIsSplitInManyParts) {
+  std::vector<double> time, force, position;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < 4000; ++k) {
+    const double t = 0.005 * k, u = std::sin(2.0 * t * t);
+    time.push_back(t);
+    position.push_back(q);
+    force.push_back(u);
+    for (int s = 0; s < 10; ++s) {
+      v += (u - 0.1 * v) / 0.02 * 0.0005;
+      q += v * 0.0005;
+    }
+  }
+  const ModelProposal proposal =
+      proposed({{"time", time}, {"position [rad]", position}, {"torque [N m]", force}});
+  EXPECT_NE(value_of(proposal, "kept out").find("frequency changes along the log"),
+            std::string::npos)
+      << value_of(proposal, "kept out");
+}
+
+// Rows every 0.02 s at first, and then every half second.
+TEST_F(LogDoubts, RowsThatWouldBeInventedAreTold) {
+  const Axis m = axis(3000, 0.02);
+  std::vector<double> time, position, force;
+  for (std::size_t k = 0; k < 3000; k += k < 150 ? 1 : 25) {
+    time.push_back(m.time[k] + 0.001 * static_cast<double>(k % 3));
+    position.push_back(m.position[k]);
+    force.push_back(m.force[k]);
+  }
+  const ModelProposal proposal =
+      proposed({{"time", time}, {"position [rad]", position}, {"torque [N m]", force}});
+  EXPECT_NE(notes_of(proposal).find("what is kept out has"), std::string::npos)
+      << notes_of(proposal);
+  EXPECT_NE(notes_of(proposal).find("interpolated"), std::string::npos);
 }
 
 TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {

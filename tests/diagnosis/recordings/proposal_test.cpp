@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/proposal/column_rates.hpp"
 #include "diagnosis/proposal/column_words.hpp"
 #include "diagnosis/proposal/log_time.hpp"
@@ -242,11 +243,12 @@ TEST(StartValues, AnInertiaBesideFriction) {
       v += a * kStep / 20.0;
     }
   }
-  const auto by_velocity = start_one_mass(force, velocity, true, kStep);
-  const auto by_position = start_one_mass(force, position, false, kStep);
-  ASSERT_TRUE(by_velocity && by_position);
-  EXPECT_NEAR(by_velocity->inertia, kInertia, 0.1 * kInertia);
-  EXPECT_NEAR(by_position->inertia, kInertia, 0.1 * kInertia);
+  const OneMassStart by_velocity = start_one_mass({force, velocity, true, true, kStep});
+  const OneMassStart by_position = start_one_mass({force, position, false, true, kStep});
+  EXPECT_EQ(by_velocity.told, OneMassTold::kInertia);
+  EXPECT_EQ(by_position.told, OneMassTold::kInertia);
+  EXPECT_NEAR(by_velocity.inertia, kInertia, 0.1 * kInertia);
+  EXPECT_NEAR(by_position.inertia, kInertia, 0.1 * kInertia);
   EXPECT_GT(follows_at_once(force, position, false), 0.5);
 }
 

@@ -28,6 +28,7 @@
 #include "diagnosis/signal_faults/quantisation.hpp"
 #include "diagnosis/signal_faults/recording_copies.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "diagnosis/signal_faults/speed_impact.hpp"
 #include "diagnosis/signal_faults/spike.hpp"
 #include "diagnosis/signal_faults/stuck_sensor.hpp"
 #include "tests/support/recorded_channels.hpp"
@@ -93,6 +94,28 @@ TEST(Spikes, AreNotAskedInTheFirstSamples) {
     values(row) += 5.0;
     EXPECT_EQ(find_spikes(values).size(), count) << row;
   }
+}
+
+// A bouncing arm: the speed turns round at its stop, and what is slow is none.
+TEST(SpeedImpacts, AreTurnsBetweenTwoSamples) {
+  VectorXd velocity(600), slow(600);
+  double q = 0.0, v = 0.0;
+  for (Index k = 0; k < 600; ++k) {
+    velocity(k) = v;
+    v -= 0.05;
+    q += 0.01 * v;
+    if (q < -2.0) v = -0.6 * v;
+    slow(k) = std::sin(0.05 * static_cast<double>(k));
+  }
+  const auto impacts = find_speed_impacts(velocity);
+  ASSERT_TRUE(impacts);
+  EXPECT_GE(impacts->count, 2U);
+  EXPECT_LT(velocity(impacts->first - 1), 0.0);
+  EXPECT_GT(velocity(impacts->first), 0.0);
+  EXPECT_FALSE(find_speed_impacts(slow));
+  VectorXd spiky = motion(600, 3);
+  spiky(300) = -5.0 * spiky(299);
+  EXPECT_FALSE(find_speed_impacts(spiky));
 }
 
 TEST(StuckSensors, HoldInFullMotion) {
@@ -537,6 +560,26 @@ TEST_F(RecordingFaultRates, CounterWraps) {
   EXPECT_EQ(rate(detects, as_it_is), 0.0);
   EXPECT_GT(rate(detects, wrapped(65536.0)), 0.7);
   EXPECT_GT(rate(detects, wrapped(256.0)), 0.7);
+}
+
+// Rates of the measured positions; hits: from a sample in full motion on the speed is turned.
+TEST_F(RecordingFaultRates, SpeedImpacts) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return find_speed_impacts(values).has_value();
+  };
+  const Fault speed = [](const RecordedChannel& channel) { return central_steps(channel.values); };
+  const Fault turned = [](const RecordedChannel& channel) {
+    VectorXd values = central_steps(channel.values);
+    const double most = values.segment(2, values.size() - 4).cwiseAbs().maxCoeff();
+    for (Index k = values.size() / 4; k + 2 < values.size(); ++k) {
+      if (std::abs(values(k)) < 0.7 * most) continue;
+      values.tail(values.size() - k) *= -0.6;
+      break;
+    }
+    return values;
+  };
+  EXPECT_EQ(rate(detects, speed, is_position), 0.0);
+  EXPECT_GT(rate(detects, turned, is_position), 0.5);
 }
 
 TEST_F(RecordingFaultRates, HeldValues) {

@@ -167,6 +167,39 @@ TEST_F(RecordingFormats, UnknownEndingsAreRefused) {
   expect_refused("run.xlsx", "unknown ending '.xlsx'; known: .csv");
 }
 
+// Texts as other programs write them.
+TEST_F(RecordingFormats, TextsOfOtherProgramsAreRead) {
+  write_text(file("run.dat"), "% Bench 3\n% t, u\n0 1\n1 5\n2 4\n");
+  const RecordingFile matlab = read_recording_file(file("run.dat"));
+  EXPECT_EQ(matlab.at("u").values, Eigen::Vector3d(1, 5, 4));
+  EXPECT_EQ(&matlab.at("2"), &matlab.at("u"));  // campaigns may say its number
+  write_text(file("run.txt"), "#open loop test\n#t\tn\tx [mm]\n0\t7\t2\n1\t8\t3\n");
+  const RecordingFile commented = read_recording_file(file("run.txt"));
+  EXPECT_EQ(commented.at("x").unit, "mm");
+  write_text(file("run.txt"), "# three words here\n0 7\n1 8\n");
+  EXPECT_EQ(read_recording_file(file("run.txt")).columns[1].name, "2");
+}
+
+TEST_F(RecordingFormats, HeadersThatNameSomeColumnsOnly) {
+  write_text(file("export.csv"), "\"Time\",\"data\"\n0,7,1,2\n1,8,3,4\n");
+  const RecordingFile series = read_recording_file(file("export.csv"));
+  ASSERT_EQ(series.columns.size(), 4U);
+  EXPECT_EQ(series.columns[1].name, "data");
+  EXPECT_EQ(series.at("4").values, Eigen::Vector2d(2, 4));
+  ASSERT_EQ(series.remarks.size(), 1U);
+  EXPECT_NE(series.remarks[0].find("names 2 of 4 columns"), std::string::npos);
+
+  write_text(file("excel.csv"), "t, ,u,,\n0,5,#VALUE!,,J\n1,6,2,,0.1\n2,7,3,,\n");
+  const RecordingFile excel = read_recording_file(file("excel.csv"));
+  ASSERT_EQ(excel.columns.size(), 3U);
+  EXPECT_EQ(excel.at("2").values, Eigen::Vector3d(5, 6, 7));
+  EXPECT_TRUE(std::isnan(excel.at("u").values(0)));
+  ASSERT_EQ(excel.remarks.size(), 1U);
+  EXPECT_NE(excel.remarks[0].find("column 5"), std::string::npos);
+  write_text(file("bad.csv"), "x,y\n1,two\n");
+  expect_refused("bad.csv", "'two' is no number");
+}
+
 // ---- real recordings ----------------------------------------------------------------------------
 
 Campaign real_campaign(const std::string& name) {

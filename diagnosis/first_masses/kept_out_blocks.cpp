@@ -1,0 +1,105 @@
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace graybox {
+namespace {
+
+using Eigen::ArrayXd;
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
+constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
+constexpr double kFewestCrossings = 4.0;  // of a quarter
+
+// What each sample adds to the squares and to the crossings of the mean.
+struct Added {
+  ArrayXd drive, motion, crossings;
+};
+
+Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
+  const Index n = drive.size(), over = std::max<Index>(1, n / 500);
+  Added added{drive.array().square(), ArrayXd::Zero(n), ArrayXd::Zero(n)};
+  for (Index k = 0; k < n; ++k) {
+    const double change = motion(k) - motion(std::max<Index>(0, k - over));
+    added.motion(k) = is_velocity ? motion(k) * motion(k) : change * change;
+  }
+  const double mean = drive.mean(), near = 0.1 * (drive.array() - mean).abs().maxCoeff();
+  int side = 0;
+  for (Index k = 0; k < n; ++k) {
+    const int here = drive(k) > mean + near ? 1 : drive(k) < mean - near ? -1 : 0;
+    if (here != 0 && side != 0 && here != side) added.crossings(k) = 1.0;
+    if (here != 0) side = here;
+  }
+  return added;
+}
+
+// Sums of the blocks that are kept out, and of the others.
+struct Shares {
+  double kept = 0.0, fitted = 0.0;
+
+  Shares(const ArrayXd& values, Index blocks) {
+    const Index n = values.size();
+    for (Index b = 0; b < blocks; ++b) {
+      const Index first = b * n / blocks, last = (b + 1) * n / blocks;
+      (b % 2 == 0 ? fitted : kept) += values.segment(first, last - first).sum();
+    }
+  }
+  [[nodiscard]] bool have_each(double share) const {
+    return std::min(kept, fitted) >= share * (kept + fitted);
+  }
+};
+
+bool is_chirp(const ArrayXd& crossings) {
+  const Index n = crossings.size();
+  double quarter[4];
+  for (Index k = 0; k < 4; ++k) quarter[k] = crossings.segment(k * (n / 4), n / 4).sum();
+  const bool rises = std::ranges::is_sorted(quarter),
+             falls = std::ranges::is_sorted(quarter, std::ranges::greater());
+  const double least = std::min(quarter[0], quarter[3]), most = std::max(quarter[0], quarter[3]);
+  return (rises || falls) && most >= kFewestCrossings && most > kChirp * std::max(least, 1.0);
+}
+
+bool are_alike(const ArrayXd& crossings, Index blocks) {
+  const Shares shares(crossings, blocks);
+  return std::max(shares.kept, shares.fitted) <= kAlike * std::min(shares.kept, shares.fitted);
+}
+
+std::string reason_against_halves(const Added& added) {
+  const Shares drive(added.drive, 2), motion(added.motion, 2);
+  if (!drive.have_each(kNothing)) {
+    return drive.kept < drive.fitted ? "the drive is zero in the second half"
+                                     : "the drive is zero in the first half";
+  }
+  if (!motion.have_each(kNothing)) {
+    return motion.kept < motion.fitted ? "nothing moves in the second half"
+                                       : "nothing moves in the first half";
+  }
+  return is_chirp(added.crossings) ? "the drive's frequency changes along the log" : "";
+}
+
+}  // namespace
+
+KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
+  KeptOutBlocks split;
+  if (drive.size() != motion.size() || drive.size() < 4 * kFewestOfBlock) return split;
+  const Added added = added_by(drive, motion, is_velocity);
+  if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
+  split.reason = reason_against_halves(added);
+  if (split.reason.empty()) return split;
+  const bool by_frequency = is_chirp(added.crossings);
+  for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
+    if (drive.size() / blocks < kFewestOfBlock) break;
+    if (!Shares(added.drive, blocks).have_each(kShare)) continue;
+    if (!Shares(added.motion, blocks).have_each(kShare)) continue;
+    if (by_frequency && !are_alike(added.crossings, blocks)) continue;
+    split.count = blocks;
+    return split;
+  }
+  split.is_fair = false;
+  return split;
+}
+
+}  // namespace graybox

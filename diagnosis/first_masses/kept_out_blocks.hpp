@@ -1,0 +1,32 @@
+// How one log is split into what is fitted and what is kept out: halves, or alternating blocks
+// where halves are not alike.
+//
+// Halves are not alike where one of them has less than a fiftieth of the drive's squares: the
+// machine coasts there. The same holds for the motion's squares: it stands. And they are not where
+// the drive's frequency rises or falls along all quarters of the log, by 2.5 in all: a chirp. The
+// frequency is counted by crossings of the mean.
+//
+// Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Taken are the fewest
+// of which both roles have a fifth of both squares, and crossings alike within a half.
+// Cost: O(n) for each number of blocks.
+//
+//   const KeptOutBlocks split = kept_out_blocks(drive, position, false);
+//   if (!split.reason.empty()) use(split.count);
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+
+namespace graybox {
+
+struct KeptOutBlocks {
+  Eigen::Index count = 2;  // of equal length, the first in the fit
+  std::string reason;      // why no halves; empty: halves
+  bool is_fair = true;     // false: no number of blocks gives both their share; count is 2
+};
+
+// Drive and motion of what is to be split, without gaps.
+[[nodiscard]] KeptOutBlocks kept_out_blocks(const Eigen::VectorXd& drive,
+                                            const Eigen::VectorXd& motion, bool is_velocity);
+
+}  // namespace graybox

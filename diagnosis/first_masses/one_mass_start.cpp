@@ -1,0 +1,374 @@
+#include "diagnosis/first_masses/one_mass_start.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "diagnosis/first_masses/free_response.hpp"
+#include "diagnosis/signal_faults/spike.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index kMostSamples = 20000, kFewestSamples = 20;
+constexpr int kGroups = 10;           // of the jackknife
+constexpr double kSureEnough = 0.2;   // of the inertia, to take a richer list of forces
+constexpr double kToldEnough = 0.33;  // of the inertia
+constexpr double kLonger = 2.0;       // errors, for longer segments
+constexpr double kFastest = 0.9;      // pole times sample time
+constexpr double kRidge = 1e-12;
+
+// ---- the log ------------------------------------------------------------------------------------
+
+VectorXd averaged(const VectorXd& signal, Index over) {
+  VectorXd result(signal.size() / over);
+  for (Index k = 0; k < result.size(); ++k) result(k) = signal.segment(k * over, over).mean();
+  return result;
+}
+
+VectorXd without_spikes(VectorXd signal) {
+  for (const Spike& spike : find_spikes(signal)) {
+    const Index k = spike.sample;
+    signal(k) = signal(k > 0 ? k - 1 : k);
+  }
+  return signal;
+}
+
+OneMassLog shortened(const OneMassLog& log) {
+  OneMassLog result = log;
+  result.motion = without_spikes(log.motion);
+  const Index over = (log.motion.size() + kMostSamples - 1) / kMostSamples;
+  if (over < 2) return result;
+  result.force = averaged(log.force, over);
+  result.motion = averaged(result.motion, over);
+  result.sample_time = static_cast<double>(over) * log.sample_time;
+  return result;
+}
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// What a signal can tell apart: its step where it is a counter's, else twice its noise.
+double resolution_of(const VectorXd& signal) {
+  std::vector<double> steps, bends;
+  Index still = 0;
+  for (Index k = 1; k < signal.size(); ++k) {
+    const double step = std::abs(signal(k) - signal(k - 1));
+    if (step > 0.0) steps.push_back(step);
+    if (!(step > 0.0)) ++still;
+    if (k > 1) bends.push_back(std::abs(signal(k) - 2.0 * signal(k - 1) + signal(k - 2)));
+  }
+  constexpr double kOften = 0.3, kOfMedian = 1.4826;
+  const double noise = 2.0 * kOfMedian * median_of(bends) / std::sqrt(6.0);
+  const bool is_counter = static_cast<double>(still) > kOften * static_cast<double>(signal.size());
+  return is_counter ? std::max(noise, median_of(steps)) : noise;
+}
+
+// Which way the mass moves, -1 to 1: over as many samples as the resolution asks for.
+VectorXd direction_of(const OneMassLog& log) {
+  const Index n = log.motion.size();
+  const double resolution = resolution_of(log.motion);
+  constexpr double kClear = 5.0, kStill = 0.01;
+  VectorXd rate = log.motion;
+  double least = 2.0 * resolution;
+  if (!log.is_velocity) {
+    Index half = 1;
+    for (; half < n / 100; half *= 2) {
+      const VectorXd moved = log.motion.tail(n - 2 * half) - log.motion.head(n - 2 * half);
+      if (moved.norm() > kClear * resolution * std::sqrt(static_cast<double>(n))) break;
+    }
+    for (Index k = 0; k < n; ++k) {
+      rate(k) = log.motion(std::min(n - 1, k + half)) - log.motion(std::max<Index>(0, k - half));
+    }
+    least = resolution;
+  }
+  const double still = std::max({kStill * rate.cwiseAbs().maxCoeff(), least, 1e-300});
+  return (rate / still).cwiseMax(-1.0).cwiseMin(1.0);
+}
+
+// The forces: drive, constant, dry friction, weight or spring. Those of a list come first.
+MatrixXd forces_of(const OneMassLog& log) {
+  const Index n = log.motion.size();
+  const bool has_place = !log.is_velocity;
+  constexpr double kLargeAngle = 1.0;  // rad
+  const double span = log.motion.maxCoeff() - log.motion.minCoeff();
+  const bool swings = has_place && log.is_rotary && span > kLargeAngle;
+  MatrixXd forces(n, 3 + (swings ? 2 : has_place ? 1 : 0));
+  forces.col(0) = log.force;
+  forces.col(1).setOnes();
+  forces.col(2) = direction_of(log);
+  if (swings) {
+    forces.col(3) = log.motion.array().sin();
+    forces.col(4) = log.motion.array().cos();
+  } else if (has_place) {
+    forces.col(3) = log.motion.array() - log.motion.mean();
+  }
+  return forces;
+}
+
+// ---- least squares over segments ----------------------------------------------------------------
+
+// Products of all columns and the motion with each other, by groups of segments, for each pole.
+struct GroupProducts {
+  double pole;
+  std::vector<MatrixXd> groups;
+  [[nodiscard]] MatrixXd but(int left_out) const {
+    MatrixXd sum = MatrixXd::Zero(groups.front().rows(), groups.front().cols());
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      if (static_cast<int>(g) != left_out) sum += groups[g];
+    }
+    return sum;
+  }
+};
+
+struct SegmentSolution {
+  double pole = 0.0;
+  VectorXd values;                                               // of the forces
+  double left = std::numeric_limits<double>::infinity();         // squares
+  double without_drive = 0.0, without_place = 0.0, total = 0.0;  // squares, too
+};
+
+// Least squares of the motion on the first `count` columns.
+std::pair<VectorXd, double> solved(const MatrixXd& products, Index count, Index first = 0) {
+  const Index last = products.rows() - 1, n = count - first;
+  const double total = products(last, last);
+  if (n == 0) return {VectorXd(), total};
+  VectorXd scale =
+      products.diagonal().segment(first, n).cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  MatrixXd normal = scale.asDiagonal() * products.block(first, first, n, n) * scale.asDiagonal();
+  normal.diagonal().array() += kRidge;
+  const VectorXd right = scale.cwiseProduct(products.col(last).segment(first, n));
+  const VectorXd values = normal.ldlt().solve(right);
+  return {scale.cwiseProduct(values), std::max(0.0, total - values.dot(right))};
+}
+
+SegmentSolution best_of(const std::vector<GroupProducts>& poles, Index count, int left_out) {
+  SegmentSolution best;
+  for (const GroupProducts& each : poles) {
+    const MatrixXd products = each.but(left_out);
+    const auto [values, left] = solved(products, count);
+    if (!values.allFinite() || !(left < best.left)) continue;
+    best = {each.pole,
+            values,
+            left,
+            solved(products, count, 1).second,
+            solved(products, std::min<Index>(count, 3)).second,
+            products(products.rows() - 1, products.cols() - 1)};
+  }
+  return best;
+}
+
+struct MassCandidate {
+  SegmentSolution solution;
+  double error = std::numeric_limits<double>::infinity();  // of 1/J over its size
+  Index forces = 0, length = 0;
+};
+
+MassCandidate judged(const std::vector<GroupProducts>& poles, Index count, Index length) {
+  MassCandidate result;
+  result.solution = best_of(poles, count, -1);
+  result.forces = count;
+  result.length = length;
+  const auto groups = static_cast<int>(poles.front().groups.size());
+  if (groups < 3 || result.solution.values.size() == 0) return result;
+  VectorXd each(groups);
+  for (int g = 0; g < groups; ++g) {
+    const SegmentSolution other = best_of(poles, count, g);
+    if (other.values.size() == 0) return result;
+    each(g) = other.values(0);
+  }
+  const double variance = (each.array() - each.mean()).square().sum() * (groups - 1) / groups;
+  const double size = std::abs(result.solution.values(0));
+  if (size > 0.0) result.error = std::sqrt(variance) / size;
+  return result;
+}
+
+std::vector<double> poles_for(Index length, double step) {
+  constexpr int kPoles = 40;
+  const double lowest = 0.1 / (static_cast<double>(length) * step), highest = 1.0 / step;
+  std::vector<double> poles{0.0};
+  for (int k = 0; k < kPoles; ++k) {
+    poles.push_back(lowest * std::pow(highest / lowest, static_cast<double>(k) / (kPoles - 1)));
+  }
+  return poles;
+}
+
+VectorXd delayed(const VectorXd& signal, Index by) {
+  VectorXd result = VectorXd::Constant(signal.size(), signal(0));
+  result.tail(signal.size() - by) = signal.head(signal.size() - by);
+  return result;
+}
+
+class OneMassSearch {
+ public:
+  explicit OneMassSearch(const OneMassLog& log) : log_(log), forces_(forces_of(log)) {}
+
+  OneMassStart run() {
+    MassCandidate chosen = chosen_candidate();
+    if (!(chosen.error < kToldEnough)) chosen = single_transient(chosen);
+    if (chosen.error < kToldEnough) chosen.solution = with_delay(chosen);
+    return start_of(chosen);
+  }
+
+ private:
+  [[nodiscard]] std::vector<GroupProducts> products_for(Index length, Index delay = 0) const {
+    const Index segments = log_.motion.size() / length;
+    const Index groups = std::min<Index>(kGroups, segments);
+    std::vector<GroupProducts> all;
+    for (const double pole : poles_for(length, log_.sample_time)) {
+      const FreeResponse response(pole, log_.sample_time, log_.is_velocity, length);
+      MatrixXd columns(log_.motion.size(), forces_.cols() + 1);
+      for (Index k = 0; k < forces_.cols(); ++k) columns.col(k) = response.of(forces_.col(k));
+      if (delay > 0) columns.col(0) = response.of(delayed(forces_.col(0), delay));
+      columns.rightCols(1) = log_.motion;
+      GroupProducts each{pole,
+                         std::vector<MatrixXd>(static_cast<std::size_t>(groups),
+                                               MatrixXd::Zero(columns.cols(), columns.cols()))};
+      for (Index s = 0; s < segments; ++s) {
+        const MatrixXd rest = response.without_start(columns.middleRows(s * length, length));
+        each.groups[static_cast<std::size_t>(s * groups / segments)] += rest.transpose() * rest;
+      }
+      all.push_back(std::move(each));
+    }
+    return all;
+  }
+
+  [[nodiscard]] MassCandidate chosen_candidate() const {
+    std::vector<MassCandidate> all;
+    for (Index parts = 6; parts <= 600; parts *= 3) {
+      const Index length = log_.motion.size() / parts;
+      if (length < kFewestSamples) break;
+      const std::vector<GroupProducts> products = products_for(length);
+      for (Index count = 2; count <= forces_.cols(); ++count) {
+        if (count == 4 && forces_.cols() == 5) continue;  // sine and cosine together
+        all.push_back(judged(products, count, length));
+      }
+    }
+    MassCandidate best;
+    for (Index count = forces_.cols(); count >= 2; --count) {
+      const MassCandidate here = longest_of(all, count);
+      if (here.error < kSureEnough) return here;
+      if (here.error < best.error) best = here;
+    }
+    return best;
+  }
+
+  [[nodiscard]] static MassCandidate longest_of(const std::vector<MassCandidate>& all,
+                                                Index count) {
+    MassCandidate best;
+    for (const MassCandidate& each : all) {
+      if (each.forces == count && each.error < best.error) best = each;
+    }
+    for (const MassCandidate& each : all) {
+      if (each.forces != count || each.error > kLonger * best.error) continue;
+      if (each.length > best.length) best = each;
+    }
+    return best;
+  }
+
+  // A single step can't be left out: the whole log, with the fewest forces that are enough.
+  [[nodiscard]] MassCandidate single_transient(const MassCandidate& other) const {
+    constexpr double kByDrive = 0.25, kMuchBetter = 0.5;  // of the squares
+    const double enough = log_.is_velocity ? 0.05 : 0.01;
+    const Index n = log_.motion.size();
+    const std::vector<GroupProducts> products = products_for(n);
+    MassCandidate whole;
+    whole.length = n;
+    for (Index count = 1; count <= forces_.cols(); ++count) {
+      if (count == 4 && forces_.cols() == 5) continue;
+      const SegmentSolution here = best_of(products, count, -1);
+      if (!(here.left < kMuchBetter * whole.solution.left)) continue;
+      whole.solution = here;
+      whole.forces = count;
+    }
+    const SegmentSolution& best = whole.solution;
+    const bool is_slow = best.pole * log_.sample_time < kFastest;
+    if (!is_slow || best.left > enough * best.total || best.left > kByDrive * best.without_drive) {
+      return other;
+    }
+    whole.error = kSureEnough;
+    return whole;
+  }
+
+  // The same with a drive that acts some samples later, as long as that fits clearly better.
+  [[nodiscard]] SegmentSolution with_delay(const MassCandidate& chosen) const {
+    constexpr double kBetter = 0.97;
+    SegmentSolution best = chosen.solution;
+    for (Index delay = 1; delay <= chosen.length / 4; delay += std::max<Index>(1, delay / 3)) {
+      const SegmentSolution later = best_of(products_for(chosen.length, delay), chosen.forces, -1);
+      if (!(later.left < kBetter * best.left) || later.values(0) * best.values(0) < 0.0) break;
+      best = later;
+    }
+    return best;
+  }
+
+  [[nodiscard]] double usual_damping() const {
+    const Index n = log_.motion.size();
+    VectorXd rate = log_.motion;
+    if (!log_.is_velocity) {
+      const Index over = std::max<Index>(1, n / 200);
+      rate = (log_.motion.tail(n - over) - log_.motion.head(n - over)) /
+             (static_cast<double>(over) * log_.sample_time);
+    }
+    const double moves = rate.squaredNorm() / static_cast<double>(rate.size());
+    const double drives = log_.force.squaredNorm() / static_cast<double>(n);
+    return moves > 0.0 && drives > 0.0 ? std::sqrt(drives / moves) : 1.0;
+  }
+
+  [[nodiscard]] OneMassStart start_of(const MassCandidate& chosen) const {
+    OneMassStart start;
+    const SegmentSolution& solution = chosen.solution;
+    if (solution.values.size() == 0 || solution.values(0) == 0.0) return start;
+    const double inertia = 1.0 / solution.values(0);
+    constexpr double kLeast = 0.01, kHalf = 0.5;
+    const double least = kLeast * usual_damping();
+    start.spread = chosen.error;
+    start.has_value = std::isfinite(inertia) && (inertia > 0.0 || chosen.error < kToldEnough);
+    if (!start.has_value) return start;
+    start.inertia = std::abs(inertia);
+    start.damping = std::max(least, solution.pole * start.inertia);
+    if (!(chosen.error < kToldEnough)) return start;
+    start.told = OneMassTold::kInertia;
+    if (inertia > 0.0) {
+      take_weight(chosen, start);
+      return start;
+    }
+    const bool follows = solution.left < kHalf * solution.without_drive;
+    start.told = follows ? OneMassTold::kReversed : OneMassTold::kNothing;
+    return start;
+  }
+
+  static void take_weight(const MassCandidate& chosen, OneMassStart& start) {
+    constexpr double kNeeded = 0.5;  // of the squares
+    if (chosen.forces != 5 || chosen.solution.left > kNeeded * chosen.solution.without_place)
+      return;
+    start.sine = -chosen.solution.values(3) * start.inertia;
+    start.cosine = -chosen.solution.values(4) * start.inertia;
+  }
+
+  const OneMassLog& log_;
+  MatrixXd forces_;
+};
+
+}  // namespace
+
+OneMassStart start_one_mass(const OneMassLog& log) {
+  const bool is_usable = log.motion.size() >= kFewestSamples && log.force.allFinite() &&
+                         log.motion.allFinite() && log.sample_time > 0.0 &&
+                         log.force.size() == log.motion.size();
+  if (!is_usable || !(log.force.squaredNorm() > 0.0)) return {};
+  const OneMassLog used = shortened(log);
+  return OneMassSearch(used).run();
+}
+
+}  // namespace graybox

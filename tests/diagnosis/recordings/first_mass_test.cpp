@@ -1,0 +1,214 @@
+// Starts of one mass against machines that were simulated here in small steps: encoders of few
+// counts, noise, tachometers, late sensors, weights, drives of the wrong sign, and logs that tell
+// nothing.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "diagnosis/first_masses/free_response.hpp"
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
+#include "diagnosis/first_masses/one_mass_start.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+struct TrueMass {
+  double inertia, damping, dry = 0.0, weight = 0.0;
+};
+
+constexpr TrueMass kViscous{0.4, 12.0}, kDry{0.05, 0.3, 1.0};
+constexpr double kStep = 0.001;
+
+struct MassRun {
+  VectorXd force, position, velocity;
+};
+
+MassRun run(const TrueMass& mass, const VectorXd& force) {
+  constexpr int kSteps = 20;
+  MassRun result{force, VectorXd(force.size()), VectorXd(force.size())};
+  double q = 0.0, v = 0.0;
+  for (Index k = 0; k < force.size(); ++k) {
+    result.position(k) = q;
+    result.velocity(k) = v;
+    for (int s = 0; s < kSteps; ++s) {
+      const double against =
+          mass.damping * v + mass.dry * std::tanh(v / 0.02) + mass.weight * std::sin(q);
+      v += (force(k) - against) / mass.inertia * kStep / kSteps;
+      q += v * kStep / kSteps;
+    }
+  }
+  return result;
+}
+
+// Steps either way with a sine, after a pause.
+VectorXd steps(double size, Index count = 2400) {
+  VectorXd force = VectorXd::Zero(count);
+  for (Index k = 100; k < count; ++k) {
+    const double t = kStep * static_cast<double>(k), turn = 2.0 * std::numbers::pi * t;
+    force(k) = size * (0.7 * std::copysign(1.0, std::sin(1.3 * turn)) + 0.5 * std::sin(2.3 * turn));
+  }
+  return force;
+}
+
+MassRun run_of(const TrueMass& mass) { return run(mass, steps(mass.dry > 0.0 ? 5.0 : 200.0)); }
+
+OneMassLog by_position(const VectorXd& force, const VectorXd& position) {
+  return {force, position, false, true, kStep};
+}
+
+VectorXd in_counts(const VectorXd& position, double per_turn) {
+  const double count = 2.0 * std::numbers::pi / per_turn;
+  return count * (position / count).array().round();
+}
+
+VectorXd noisy(VectorXd signal, double deviation, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, deviation);
+  for (double& value : signal) value += noise(random);
+  return signal;
+}
+
+void expect_mass(const OneMassLog& log, const TrueMass& mass, double within, const char* what) {
+  const OneMassStart start = start_one_mass(log);
+  EXPECT_EQ(start.told, OneMassTold::kInertia) << what;
+  EXPECT_NEAR(std::log(start.inertia / mass.inertia), 0.0, std::log(within)) << what;
+  EXPECT_NEAR(std::log(start.damping / mass.damping), 0.0, std::log(within)) << what;
+}
+
+// Against v(t) = (1 - exp(-p t))/p and its integral, of a step.
+TEST(FreeResponse, IsExactForAHeldForce) {
+  for (const double pole : {0.0, 1e-9, 0.3, 400.0}) {
+    const VectorXd ones = VectorXd::Ones(50);
+    const VectorXd speed = FreeResponse(pole, 0.01, true, 50).of(ones);
+    const VectorXd place = FreeResponse(pole, 0.01, false, 50).of(ones);
+    for (Index k = 0; k < 50; ++k) {
+      const double t = 0.01 * static_cast<double>(k);
+      const double v = pole < 1e-6 ? t : (1.0 - std::exp(-pole * t)) / pole;
+      const double x = pole < 1e-6 ? 0.5 * t * t : (t - v) / pole;
+      EXPECT_NEAR(speed(k), v, 1e-9 + 1e-9 * v) << pole;
+      EXPECT_NEAR(place(k), x, 1e-9 + 1e-7 * x) << pole;
+    }
+  }
+}
+
+TEST(FirstMass, FromFewCountsATurn) {
+  for (const TrueMass& mass : {kViscous, kDry}) {
+    const MassRun machine = run_of(mass);
+    for (const double counts : {400.0, 600.0, 800.0, 1000.0, 1400.0, 2000.0}) {
+      expect_mass(by_position(machine.force, in_counts(machine.position, counts)), mass, 1.2,
+                  "counts");
+    }
+  }
+}
+
+TEST(FirstMass, FromNoiseAndTachometers) {
+  for (const TrueMass& mass : {kViscous, kDry}) {
+    const MassRun machine = run_of(mass);
+    expect_mass(by_position(machine.force, noisy(machine.position, 0.01, 3)), mass, 1.2, "noise");
+    const double speed = 0.05 * machine.velocity.cwiseAbs().maxCoeff();
+    expect_mass({machine.force, noisy(machine.velocity, speed, 4), true, true, kStep}, mass, 1.2,
+                "tachometer");
+  }
+}
+
+// A lag of 10 ms, as of a filter.
+TEST(FirstMass, FromASensorThatIsLate) {
+  for (const TrueMass& mass : {kViscous, kDry}) {
+    const MassRun machine = run_of(mass);
+    VectorXd late = machine.position;
+    for (Index k = 1; k < late.size(); ++k) {
+      late(k) = late(k - 1) + (machine.position(k) - late(k - 1)) * kStep / 0.01;
+    }
+    expect_mass(by_position(machine.force, in_counts(late, 1000.0)), mass, 2.0, "lag");
+  }
+}
+
+TEST(FirstMass, OneStepIsEnough) {
+  VectorXd force = VectorXd::Constant(600, 150.0);
+  force.head(50).setZero();
+  const MassRun machine = run(kViscous, force);
+  expect_mass(by_position(force, in_counts(machine.position, 400.0)), kViscous, 1.2, "step");
+}
+
+// Pushes of one sign; the arm falls back.
+TEST(FirstMass, AWeightIsNotTakenForTheMass) {
+  constexpr TrueMass kArm{0.4, 4.0, 0.0, 60.0};
+  VectorXd force = VectorXd::Zero(6000);
+  for (Index k = 300; k < 6000; k += 1500) force.segment(k, 200 + k / 20).setConstant(90.0);
+  const MassRun machine = run(kArm, force);
+  const OneMassLog log = by_position(force, in_counts(machine.position, 400.0));
+  expect_mass(log, kArm, 1.2, "weight");
+  const OneMassStart start = start_one_mass(log);
+  EXPECT_NEAR(start.sine, kArm.weight, 0.1 * kArm.weight);
+  EXPECT_NEAR(start.cosine, 0.0, 0.1 * kArm.weight);
+}
+
+TEST(FirstMass, ADriveOfTheWrongSignIsTold) {
+  for (const TrueMass& mass : {kViscous, kDry}) {
+    const MassRun machine = run_of(mass);
+    const OneMassStart start =
+        start_one_mass(by_position(-machine.force, in_counts(machine.position, 800.0)));
+    EXPECT_EQ(start.told, OneMassTold::kReversed);
+    EXPECT_NEAR(start.inertia, mass.inertia, 0.1 * mass.inertia);
+  }
+}
+
+TEST(FirstMass, AMotionOfItsOwnTellsNothing) {
+  const MassRun machine = run_of(kViscous);
+  const VectorXd other = run(kViscous, noisy(VectorXd::Zero(2400), 2000.0, 5)).position;
+  const OneMassStart start = start_one_mass(by_position(machine.force, other));
+  EXPECT_EQ(start.told, OneMassTold::kNothing);
+  EXPECT_EQ(start_one_mass(by_position(VectorXd::Zero(2400), other)).told, OneMassTold::kNothing);
+}
+
+TEST(FirstMass, FollowsTheUnitOfTheForce) {
+  const MassRun machine = run_of(kDry);
+  const VectorXd counts = in_counts(machine.position, 1000.0);
+  const OneMassStart one = start_one_mass(by_position(machine.force, counts));
+  const OneMassStart thousand = start_one_mass(by_position(1000.0 * machine.force, counts));
+  EXPECT_NEAR(thousand.inertia, 1000.0 * one.inertia, 1e-6 * thousand.inertia);
+  EXPECT_NEAR(thousand.damping, 1000.0 * one.damping, 1e-6 * thousand.damping);
+}
+
+// ---- what is kept out ---------------------------------------------------------------------------
+
+TEST(KeptOutBlocks, HalvesThatAreAlikeStay) {
+  const MassRun machine = run_of(kDry);
+  const KeptOutBlocks split = kept_out_blocks(machine.force, machine.position, false);
+  EXPECT_EQ(split.count, 2);
+  EXPECT_TRUE(split.reason.empty());
+}
+
+// Each part has its share of the drive, whichever half was without.
+TEST(KeptOutBlocks, ADriveInOneHalfIsShared) {
+  for (const bool is_late : {false, true}) {
+    VectorXd force = steps(200.0);
+    (is_late ? force.head(1300) : force.tail(1300)).setZero();
+    const KeptOutBlocks split = kept_out_blocks(force, run(kViscous, force).position, false);
+    ASSERT_GT(split.count, 2);
+    double kept = 0.0;
+    for (Index k = 0; k < force.size(); ++k) {
+      if (k * split.count / force.size() % 2 == 1) kept += force(k) * force(k);
+    }
+    EXPECT_GT(kept / force.squaredNorm(), 0.2);
+    EXPECT_LT(kept / force.squaredNorm(), 0.8);
+  }
+}
+
+// A push of a few samples can't be shared.
+TEST(KeptOutBlocks, AKickIsNotShared) {
+  VectorXd force = VectorXd::Zero(2000);
+  force.segment(130, 8).setConstant(100.0);
+  const KeptOutBlocks split = kept_out_blocks(force, run(kViscous, force).position, false);
+  EXPECT_EQ(split.count, 2);
+  EXPECT_FALSE(split.is_fair);
+}
+
+}  // namespace
+}  // namespace graybox
