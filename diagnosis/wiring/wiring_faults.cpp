@@ -341,6 +341,7 @@ std::vector<ChannelFault> find_wiring_faults(const RigidRobotModel& robot,
                                              const std::function<bool()>& keep_going) {
   std::vector<ChannelFault> faults = find_wraps(robot, pieces);
   if (!faults.empty()) return faults;  // a jump looks like a wrong sign
+  if (have_blows(robot, pieces)) return {};
   faults = find_rate_faults(robot, pieces);
   if (!faults.empty()) return faults;  // what follows would follow from them
   return Detective(robot, pieces, keep_going).run();

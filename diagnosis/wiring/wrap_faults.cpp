@@ -111,4 +111,13 @@ std::vector<ChannelFault> find_wraps(const RigidRobotModel& robot, std::span<con
   return faults;
 }
 
+bool have_blows(const RigidRobotModel& robot, std::span<const Motion> pieces) {
+  const std::vector<std::string>& names = robot.channels.velocity;
+  for (std::size_t j = 0; j < names.size(); ++j) {
+    const VectorXd alone = VectorXd::Unit(robot.size(), static_cast<Index>(j));
+    if (wrap_of(pieces, &Motion::velocity, alone, names[j], "")) return true;
+  }
+  return false;
+}
+
 }  // namespace graybox

@@ -1,7 +1,7 @@
-// Counters that wrap. A position (no speed: that is no counter, and turns round at an end stop;
-// diagnosis/signal_faults/speed_impact.hpp) jumps by its whole range between two samples, again
-// and again by the same amount, and moves smoothly else. A jump's slope makes forces of any sign,
-// so that this has to be asked before anything about signs.
+// Counters that wrap. A position jumps by its whole range between two samples, again and again by
+// the same amount, and moves smoothly else. A jump's slope makes forces of any sign, so that this
+// has to be asked before anything about signs. A speed is no counter: it turns round at an end stop
+// (diagnosis/signal_faults/speed_impact.hpp).
 //
 // A jump that went through a low-pass is a ramp as long as its filter's step response; changes are
 // taken over that time. A wrap is claimed where some changes are larger than kJump of the signal's
@@ -20,5 +20,9 @@ namespace graybox {
 
 [[nodiscard]] std::vector<ChannelFault> find_wraps(const RigidRobotModel& robot,
                                                    std::span<const Motion> pieces);
+
+// Whether a recorded speed jumps in that way, as at an end stop. Nobody recorded the force of the
+// blow, so no balance of forces tells signs or units.
+[[nodiscard]] bool have_blows(const RigidRobotModel& robot, std::span<const Motion> pieces);
 
 }  // namespace graybox

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/wiring/wrap_faults.hpp"
 #include "problems/base/random.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -373,6 +374,40 @@ channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, vel
           << stiffness;
     }
   }
+}
+
+// An axis that its drive pulls back, and that is knocked away each time: the blows are against the
+// drive, and yet no sign is wrong.
+TEST(WiringFaults, OfASpeedThatBouncesAreNone) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints:
+  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
+channels: {torque: [force], torque_of: arm, position_of: arm, velocity: [v]}
+)");
+  const RigidRobotModel drive = load_rigid_robot(folder.file("drive.yaml"));
+  constexpr double kStep = 0.004, kInertia = 0.01, kSlow = -3.0, kKnocked = 6.0;
+  constexpr Index kCount = 1500;
+  Random random(12);
+  Motion piece{VectorXd(kCount), MatrixXd(kCount, 1), MatrixXd(kCount, 1), MatrixXd(kCount, 1),
+               MatrixXd(kCount, 1)};
+  double q = 0.0, v = 0.0;
+  for (Index k = 0; k < kCount; ++k) {
+    piece.time(k) = kStep * static_cast<double>(k);
+    piece.position(k) = q;
+    piece.velocity(k) = v;
+    piece.torque(k) = -0.24 + 0.002 * random.normal();
+    v += piece.torque(k) / kInertia * kStep;
+    q += v * kStep;
+    if (v < kSlow) v = kKnocked;
+  }
+  piece.acceleration = time_derivative(piece.time, piece.velocity.col(0));
+  EXPECT_EQ(messages(find_wiring_faults(drive, std::vector<Motion>{piece})), "");
+  EXPECT_TRUE(have_blows(drive, std::vector<Motion>{piece}));
+  for (Index k = 0; k < kCount; ++k) piece.velocity(k) = std::sin(5.0 * piece.time(k));
+  EXPECT_FALSE(have_blows(drive, std::vector<Motion>{piece}));
 }
 
 // A joint that is held, its sensors with an offset, a dead torque channel, and hardly any samples.
