@@ -216,7 +216,8 @@ int check(const CheckArguments& arguments, const Invocation& invocation) {
   const bool floored = !file.floors.empty() && options.criterion == made_for;
   std::vector<double> efficiencies;
   if (floored && shown.has_page()) {
-    throw InputError(arguments.design + ": was made with --floor, and --report draws no such design");
+    throw InputError(arguments.design +
+                     ": was made with --floor, and --report draws no such design");
   }
   if (floored) {
     const FlooredCertificate proof =
