@@ -54,6 +54,31 @@ MatrixXd subset_gradient(const MatrixXd& information, const MatrixXd& inverse,
   return gradient / static_cast<double>(interest.size());
 }
 
+// phi_p: M^(-p-1) / tr M^-p.
+MatrixXd power_gradient(const MatrixXd& information, double p) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> spectrum(information);
+  // Over the least eigenvalue: large powers overflow.
+  const double least = spectrum.eigenvalues()(0);
+  const Eigen::ArrayXd ratio = (least / spectrum.eigenvalues().array());
+  const double trace = ratio.pow(p).sum();
+  const Eigen::VectorXd values = ratio.pow(p + 1.0) / (trace * least);
+  return spectrum.eigenvectors() * values.asDiagonal() * spectrum.eigenvectors().transpose();
+}
+
+MatrixXd gradient_of(const MatrixXd& information, const Design& design, const Criterion& criterion);
+
+// The sum of those of the parts, by their shares; empty where one has none.
+MatrixXd compound_gradient(const MatrixXd& information, const Design& design,
+                           const Criterion& criterion) {
+  MatrixXd sum = MatrixXd::Zero(information.rows(), information.cols());
+  for (const CriterionPart& part : criterion.parts()) {
+    const MatrixXd own = gradient_of(information, design, part.criterion);
+    if (own.size() == 0) return {};
+    sum += part.share * own;
+  }
+  return sum;
+}
+
 // G of certificate.hpp.
 MatrixXd gradient_of(const MatrixXd& information, const Design& design,
                      const Criterion& criterion) {
@@ -65,7 +90,9 @@ MatrixXd gradient_of(const MatrixXd& information, const Design& design,
       return inverse / static_cast<double>(d);
     case CriterionKind::kA:
       return inverse * inverse / inverse.trace();
-    case CriterionKind::kL: {
+    case CriterionKind::kL:
+    case CriterionKind::kC:
+    case CriterionKind::kI: {
       const auto packed = criterion.weights();
       const MatrixXd weights = unpacked({packed.begin(), packed.end()}, d);
       const MatrixXd product = inverse * weights * inverse;
@@ -73,6 +100,13 @@ MatrixXd gradient_of(const MatrixXd& information, const Design& design,
     }
     case CriterionKind::kDs:
       return subset_gradient(information, inverse, criterion);
+    case CriterionKind::kPhiP:
+      return power_gradient(information, criterion.p());
+    case CriterionKind::kCompound:
+      return compound_gradient(information, design, criterion);
+    case CriterionKind::
+        kG:  // over the candidates it is D; a region's points have weights of theirs
+      return criterion.is_solved_as_d() ? MatrixXd(inverse / static_cast<double>(d)) : MatrixXd();
     case CriterionKind::kE:
       break;
   }

@@ -23,7 +23,7 @@ struct DesignFact {
 
 // tr(G H_i) for every candidate, G at M = prior + sum_i weights_i H_i, in double precision. The
 // prior is a packed lower triangle, or empty. The result is empty where M is singular, and for
-// criterion E without a dual matrix.
+// criterion E without a dual matrix, and for G over a region.
 [[nodiscard]] std::vector<double> criterion_sensitivities(const InformationSet& set,
                                                           const Design& design,
                                                           const Criterion& criterion,

@@ -196,6 +196,10 @@ double log_value(const InformationSet& set, const std::vector<double>& weights,
       return certificate.log_det / d;
     case CriterionKind::kDs:
       return certificate.criterion_value / static_cast<double>(criterion.interest().size());
+    case CriterionKind::kG:
+      return certificate.log_det / d;  // over the candidates: the slopes are those of D
+    case CriterionKind::kCompound:
+      return certificate.criterion_value;
     default:
       return -std::log(certificate.criterion_value);
   }
@@ -212,7 +216,9 @@ TEST(DesignFacts, SensitivitiesAreSlopesOfTheCriterion) {
   }
   square[packed_index(1, 0)] = 0.5;
   for (const Criterion& criterion :
-       {Criterion(), Criterion::a(), Criterion::l(square), Criterion::ds({1, 3})}) {
+       {Criterion(), Criterion::a(), Criterion::l(square), Criterion::ds({1, 3}),
+        Criterion::c(square), Criterion::i(square), Criterion::phi_p(2.5), Criterion::g(),
+        Criterion::compound({{0.3, Criterion()}, {0.7, Criterion::a()}})}) {
     const std::vector<double> slopes = criterion_sensitivities(set, {weights}, criterion);
     ASSERT_EQ(slopes.size(), kCandidates);
     for (std::size_t i = 0; i < kCandidates; ++i) {
