@@ -277,15 +277,11 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
                       "run every method for each M and write a CSV table");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "Covariance is (det sum_i m_i H_i)^(-1/d). The proven efficiency compares with the best "
-      "design\n"
-      "of M experiments. Exit code 1: time was up (the bound reached is stated), or no regular "
-      "design\n"
-      "was found. Ctrl-C stops and keeps the best design.\n"
+      "The proven efficiency compares with the best design of M experiments. Exit code 1: time "
+      "was\n"
+      "up (the bound reached is stated), or no regular design was found. Ctrl-C keeps the best.\n"
       "Examples:\n"
-      "  graybox exact set.h5 --experiments 20 --time-limit 300 --threads 2 -o design.json\n"
-      "  graybox exact set.h5 --experiments 20 --format markdown --report design.html\n"
-      "  graybox exact set.h5 --costs minutes.csv --budget 90 --criterion A --gap 0.01\n"
+      "  graybox exact set.h5 --experiments 20 --time-limit 300 --report design.html\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });

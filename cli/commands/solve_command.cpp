@@ -268,12 +268,8 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
       "code 1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json --report design.html\n"
-      "  graybox solve set.h5 --criterion Ds --interest joint_1.gearbox,joint_2.gearbox\n"
-      "  graybox solve set.h5 --criterion D --floor A=0.9\n"
-      "  graybox solve set.h5 --criterion L --weights joint_1.gearbox=1,joint_2.gearbox=4\n"
-      "  graybox solve set.h5 --experiments 20 --done last_week.json --stock 1\n"
       "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"
-      "  graybox solve set.h5 --solver multiplicative --time-limit 10 --trace trace.jsonl");
+      "  graybox solve set.h5 --criterion D --floor A=0.9 --trace trace.jsonl");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });
 }

@@ -27,6 +27,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/shortened.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/input_guard.hpp"
 #include "solvers/external/external_solver.hpp"
 
 namespace graybox::cli {
@@ -230,6 +231,7 @@ int make_page(const PageArguments& arguments, const Invocation& invocation) {
     throw InputError(fmt::format("{}: there is no such file; give a study's folder, or rows.jsonl",
                                  file.string()));
   }
+  note_input(file.string());
   const bench::StudyRows rows = bench::read_rows(file);
   if (rows.runs.empty()) {
     throw InputError(fmt::format("{}: holds no run of a study", file.string()));

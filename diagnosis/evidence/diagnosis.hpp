@@ -114,8 +114,10 @@ struct SharedCharacteristic {
 // errors beside the plain laws that each needs, NRMSE in %.
 struct FreedModel {
   double error_stated = 0.0, error_freed = 0.0;
-  bool on_kept_out = false;             // else on the recordings of the fit
-  std::vector<std::string> departures;  // of the final model, in words
+  bool on_kept_out = false;                  // else on the recordings of the fit
+  std::vector<std::string> departures = {};  // of the final model, in words
+  // Laws found that are not needed then, by their names; of a doubted model.
+  std::vector<std::string> instead_of = {};
 };
 
 // A channel that was moved in time before laws were sought. Errors on recordings kept out, NRMSE in

@@ -467,12 +467,14 @@ void PredictionSearch::search_beside_disturbance() {
   }
 }
 
-// Where no window shows more than the sensors' noise, forces are too small to be seen so soon: over
+// Where no window shows more than twice the sensors' noise, forces are too small to be seen so soon: over
 // the whole recording they add up. What explains that is a law; what nothing explains may be the
 // sum of disturbances, and says nothing.
 void PredictionSearch::look_at_free_run() {
-  if (findings_.rungs.empty() || findings_.has_free_run || !findings_.laws.empty() ||
-      std::ranges::any_of(findings_.rungs, &Rung::was_searched)) {
+  constexpr double kNearNoise = 2.0;
+  const bool leaves_more = std::ranges::any_of(
+      findings_.rungs, [](const Rung& rung) { return rung.over_noise > kNearNoise; });
+  if (findings_.rungs.empty() || findings_.has_free_run || !findings_.laws.empty() || leaves_more) {
     return;
   }
   const PredictionFindings before = findings_;
@@ -481,7 +483,7 @@ void PredictionSearch::look_at_free_run() {
     search_rung(state);
     if (!findings_.laws.empty()) {
       findings_.found = state.fit.model;
-      findings_.rungs.push_back({0, true});
+      findings_.rungs.push_back({0, true, 0.0});
       findings_.left = state.error.cwiseQuotient(data_->output_scale());
       findings_.has_free_run = true;
       return;
@@ -546,7 +548,7 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
       findings_.usable = true;
       findings_.first_horizon = horizon;
     }
-    Rung rung{horizon, false};
+    Rung rung{horizon, false, state.error.cwiseQuotient(state.by_noise).maxCoeff()};
     const bool has_skill =
         (state.error.array() < options_.no_skill * data_->output_scale().array()).any();
     if (!has_skill && !findings_.rungs.empty()) break;

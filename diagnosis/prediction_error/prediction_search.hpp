@@ -86,6 +86,8 @@ struct AcceptedLaw {
 struct Rung {
   Eigen::Index horizon = 0;
   bool was_searched = false;
+  // The model's errors over what the sensors' noise leaves, the most of the outputs.
+  double over_noise = 0.0;
 };
 
 // Whether a fit does as well without a law: the cost rises by less than 0.3 %, or by less than 3 %

@@ -427,6 +427,12 @@ class MassProposal {
                         drive_->name, force_unit(), unit == "1" ? "of it" : unit));
       }
     }
+    // What is asked about it, as its unit: no command reads the file until that is answered.
+    for (const OpenQuestion& question : proposal_.questions) {
+      if (question.text.starts_with(fmt::format("'{}'", drive_->name))) {
+        comment = "# ANSWER: " + question.text;
+      }
+    }
     draft_.channels.push_back(
         {force_name(), drive_->file, drive_->name, unit, text, "input", comment});
     if (!drive_wrap_.empty()) draft_.wrapped.push_back({force_name(), drive_wrap_});

@@ -121,7 +121,7 @@ void free_what_is_uncertain(SearchState& state) {
   state.result.after = best;
   state.settle_shapes();
   state.result.freed_model =
-      FreedModel{error_stated, error_freed, state.problem->validate(best).has_value(), {}};
+      FreedModel{error_stated, error_freed, state.problem->validate(best).has_value(), {}, {}};
 }
 
 }  // namespace

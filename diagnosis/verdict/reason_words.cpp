@@ -101,9 +101,13 @@ std::vector<std::string> freed_model_lines(const Diagnosis& diagnosis) {
   if (diagnosis.doubted_model) {
     const FreedModel& doubted = *diagnosis.doubted_model;
     lines.push_back(fmt::format(
-        "The bodies of the links are not as the model states them: with these free, the error on "
+        "The bodies of the links {} as the model states them: with these free{}, the error on "
         "recordings kept out falls from {:.4g} % to {:.4g} %. Check masses and centres of mass; "
         "`body_uncertainty: 0.1` in the model has a diagnosis take them along.",
+        doubted.instead_of.empty() ? "are not" : "may not be",
+        doubted.instead_of.empty()
+            ? ""
+            : fmt::format(" and without {}", fmt::join(doubted.instead_of, ", ")),
         doubted.error_stated, doubted.error_freed));
     if (!doubted.departures.empty()) lines.push_back(departures_words(doubted.departures));
   }
@@ -172,7 +176,8 @@ Json freed_model_json(const std::optional<FreedModel>& model) {
   return {{"error_stated", freed.error_stated},
           {"error_freed", freed.error_freed},
           {"on_kept_out", freed.on_kept_out},
-          {"departures", freed.departures}};
+          {"departures", freed.departures},
+          {"instead_of", freed.instead_of}};
 }
 
 Json rejected_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {

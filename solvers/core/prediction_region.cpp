@@ -19,6 +19,15 @@ PredictionRegion::PredictionRegion(std::size_t dimension, std::vector<double> ro
   if (!std::ranges::all_of(rows_, [](double x) { return std::isfinite(x); })) {
     throw InputError("a region of predictions holds a number that is not finite");
   }
+  constexpr double kLargest = 1e100;  // squares of numbers beyond it, or its inverse, are none
+  double largest = 0.0;
+  for (const double x : rows_) largest = std::max(largest, std::abs(x));
+  const bool is_sized = largest <= kLargest && largest >= 1.0 / kLargest;
+  if (!rows_.empty() && !is_sized) {
+    throw InputError(fmt::format(
+        "a region of predictions has {:.3g} for its largest number: {}", largest,
+        largest > 0.0 ? "scale its units to lie between 1e-100 and 1e100" : "it predicts nothing"));
+  }
   // Each count is held against what is left, so that their sum can't overflow.
   std::size_t left = dimension_ == 0 ? 0 : rows_.size() / dimension_;
   const bool is_whole = dimension_ > 0 && rows_.size() % dimension_ == 0;

@@ -50,8 +50,8 @@ class CoarseEncoder : public ::testing::Test {
     std::ofstream(folder_.file("campaign.yaml"))
         << "format: graybox-campaign/1\nsample_time: 0.001\nchannels:\n"
            "  - {name: torque, unit: N m, is: input}\n  - {name: angle, unit: rad, is: output}\n"
-           "hold: zero\nexperiments:\n  - {file: log.csv, segments: [[0, 1200]]}\n"
-           "  - {file: log.csv, segments: [[1200, 2400]], role: validation}\n";
+           "hold: zero\nexperiments:\n  - {file: log.csv, segments: [[0, 1199]]}\n"
+           "  - {file: log.csv, segments: [[1200, 2399]], role: validation}\n";
     result_ = diagnose_by_prediction(folder_.file("model.yaml"),
                                      read_campaign(folder_.file("campaign.yaml")), {}, 1);
     return result_.diagnosis;
