@@ -467,9 +467,9 @@ void PredictionSearch::search_beside_disturbance() {
   }
 }
 
-// Where no window shows more than twice the sensors' noise, forces are too small to be seen so soon: over
-// the whole recording they add up. What explains that is a law; what nothing explains may be the
-// sum of disturbances, and says nothing.
+// Where no window shows more than twice the sensors' noise, forces are too small to be seen so
+// soon: over the whole recording they add up. What explains that is a law; what nothing explains
+// may be the sum of disturbances, and says nothing.
 void PredictionSearch::look_at_free_run() {
   constexpr double kNearNoise = 2.0;
   const bool leaves_more = std::ranges::any_of(
