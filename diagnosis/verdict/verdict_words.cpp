@@ -535,10 +535,10 @@ std::string next_experiment_words(const NextExperiment& next, const std::string&
   return fmt::format(
       "To tell {}: {:.0f} more recording{}{}, {} (designed to a duality gap of {:.1g}; the "
       "distance between the two, in squared standard errors, grows from {:.3g} to {:.3g} with "
-      "{:.0f} of them, {:.3g} is needed{}).",
+      "{:.0f} of them, {:.3g} is needed).",
       what, count, count > 1.0 ? "s" : "", is_motion ? " as long as those at hand" : "", shares,
       next.duality_gap, next.distance_now, next.distance_then, next.recordings,
-      next.distance_needed, is_motion ? "; next_motion_1.csv and so on have the motions" : "");
+      next.distance_needed);
 }
 
 std::string estimate_words(const LawParameterEstimate& estimate) {
