@@ -518,5 +518,14 @@ TEST(MoreCriteria, RefusesWhatIsNoCriterion) {
   EXPECT_THROW(static_cast<void>(certify(set, design, Criterion::i({1.0}))), InputError);
 }
 
+// A region that predicts nothing, or whose squares are no numbers, once crashed the solver of G.
+TEST(MoreCriteria, RegionsWithoutASizeAreRefused) {
+  for (const double number : {0.0, 1e200, 1e-200}) {
+    EXPECT_THROW((void)PredictionRegion::of_regressors(3, {number, number, number}), InputError)
+        << number;
+  }
+  EXPECT_NO_THROW((void)PredictionRegion::of_regressors(2, {0.0, 0.0, 1.0, 2.0}));
+}
+
 }  // namespace
 }  // namespace graybox
