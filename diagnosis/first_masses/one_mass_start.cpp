@@ -300,7 +300,7 @@ class OneMassSearch {
     return whole;
   }
 
-  // The same with a drive that acts some samples later, as long as that fits clearly better.
+  // The drive acts some samples later, as long as that fits clearly better.
   [[nodiscard]] SegmentSolution with_delay(const MassCandidate& chosen) const {
     constexpr double kBetter = 0.97;
     SegmentSolution best = chosen.solution;

@@ -42,8 +42,8 @@ bool is_within_ranges(const PlacedLaw& law) {
   return true;
 }
 
-// Of a spring on a lever that is short beside its anchor's distance only a sine of the angle is
-// left.
+// A spring on a lever that is short beside its anchor's distance gives a torque that is a sine of
+// the angle, which is a weight's.
 bool has_lever(const PlacedLaw& law) {
   constexpr double kShortest = 0.01;  // of the distance
   double distance = 0.0, lever = 0.0;

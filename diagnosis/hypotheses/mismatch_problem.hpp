@@ -331,8 +331,8 @@ class MismatchProblem {
       const ExtendedFit& /*fit*/) const {
     return nullptr;
   }
-  // The same where the model states that it is certain: free as much as a drawing may be off at the
-  // worst. Null where nothing is stated.
+  // What the model states as certain is freed, as much as a drawing may be off at the worst. Null
+  // where nothing is stated.
   [[nodiscard]] virtual std::unique_ptr<MismatchProblem> with_doubted_model(
       const ExtendedFit& /*fit*/) const {
     return nullptr;

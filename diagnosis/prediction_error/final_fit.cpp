@@ -690,28 +690,26 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
 }
 
 // The best of its starts.
-JudgedModel FinalFit::with_law(const JudgedModel& poorer, std::size_t hypothesis) const {
+JudgedModel FinalFit::best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
+                                     std::optional<std::size_t> replaced) const {
   constexpr double kStart = 0.1;  // of what acts at all
   JudgedModel best;
-  for (const LawExtension& start : hypotheses_->extensions(poorer.fit.model, motion())) {
-    if (start.hypothesis != hypothesis || start.replaces) continue;
-    JudgedModel each = judged(extended(poorer.fit.model, start, kStart * start.unit), kIterations);
+  for (const LawExtension& start : hypotheses_->extensions(model, motion())) {
+    if (start.hypothesis != hypothesis || start.replaces != replaced) continue;
+    JudgedModel each = judged(extended(model, start, kStart * start.unit), kIterations);
     if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
     best = std::move(each);
   }
   return best;
 }
 
+JudgedModel FinalFit::with_law(const JudgedModel& poorer, std::size_t hypothesis) const {
+  return best_of_starts(poorer.fit.model, hypothesis, {});
+}
+
 JudgedModel FinalFit::in_place_of(std::size_t law, std::size_t hypothesis) const {
-  constexpr double kStart = 0.1;  // of what acts at all
   const ExtendedLumpedModel& model = found_.fit.model;
-  JudgedModel best;
-  for (const LawExtension& start : hypotheses_->extensions(model, motion())) {
-    if (start.hypothesis != hypothesis || start.replaces != model.laws[law].part) continue;
-    JudgedModel each = judged(extended(model, start, kStart * start.unit), kIterations);
-    if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
-    best = std::move(each);
-  }
+  JudgedModel best = best_of_starts(model, hypothesis, model.laws[law].part);
   if (best.fit.usable) judge_held_out(best);
   return best;
 }

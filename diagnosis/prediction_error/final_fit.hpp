@@ -90,6 +90,10 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
+  // The best fit of the model with this law, of those starts that replace this part; none: of those
+  // that replace nothing.
+  [[nodiscard]] JudgedModel best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
+                                           std::optional<std::size_t> replaced) const;
   [[nodiscard]] double growth_of_drive() const;
   [[nodiscard]] bool is_thinned() const;
   void climb_again();

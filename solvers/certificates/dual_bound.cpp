@@ -60,7 +60,7 @@ class BoundMaker {
   DualBound<Real> region() const;
 
  private:
-  // Of a sum of d and n more terms, relative to its magnitude.
+  // The rounding of a sum of d and n more terms, relative to its magnitude.
   [[nodiscard]] Real rounding(Index n) const {
     return static_cast<Real>(2 * d_ + n + 8) * kUnitOf<Real>;
   }
