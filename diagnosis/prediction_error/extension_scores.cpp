@@ -6,6 +6,7 @@
 #include <exception>
 #include <optional>
 
+#include "diagnosis/predictor/residual_whitener.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {
@@ -15,67 +16,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kMemory = 10;                                 // samples
 constexpr double kImitated = 1e-6;                            // of the direction's square
 constexpr double kFirstAmplitude = 1e-3;                      // of the law's unit
 constexpr double kLargestChange = 0.1, kWantedChange = 0.02;  // of the residuals' rms
 constexpr int kAmplitudes = 4;
-
-// Autoregressions of each output: e_k - sum of a_i e_(k-i).
-class Whitener {
- public:
-  Whitener(const PredictionTask& task, Index outputs, const VectorXd& residuals)
-      : task_(&task), outputs_(outputs), filter_(outputs, kMemory) {
-    for (Index j = 0; j < outputs; ++j) fit(j, residuals);
-  }
-
-  [[nodiscard]] VectorXd apply(const VectorXd& residuals) const {
-    VectorXd result = residuals;
-    Index first = 0;
-    for (const PredictionRun& run : task_->runs) {
-      for (Index k = 0; k < run.samples; ++k) {
-        for (Index j = 0; j < outputs_; ++j) {
-          const Index at = first + k * outputs_ + j;
-          const Index lags = std::min(k, kMemory);
-          for (Index i = 1; i <= lags; ++i) {
-            result(at) -= filter_(j, i - 1) * residuals(at - i * outputs_);
-          }
-        }
-      }
-      first += run.samples * outputs_;
-    }
-    return result;
-  }
-
- private:
-  void fit(Index output, const VectorXd& residuals) {
-    VectorXd covariance = VectorXd::Zero(kMemory + 1);
-    Index first = 0;
-    for (const PredictionRun& run : task_->runs) {
-      for (Index k = 0; k < run.samples; ++k) {
-        const Index at = first + k * outputs_ + output;
-        for (Index i = 0; i <= std::min(k, kMemory); ++i) {
-          covariance(i) += residuals(at) * residuals(at - i * outputs_);
-        }
-      }
-      first += run.samples * outputs_;
-    }
-    MatrixXd toeplitz(kMemory, kMemory);
-    for (Index i = 0; i < kMemory; ++i) {
-      for (Index k = 0; k < kMemory; ++k) toeplitz(i, k) = covariance(std::abs(i - k));
-    }
-    toeplitz.diagonal() *= 1.0 + 1e-9;
-    const VectorXd solved =
-        toeplitz.colPivHouseholderQr().solve(VectorXd(covariance.tail(kMemory)));
-    filter_.row(output) = solved.allFinite()
-                              ? solved.transpose()
-                              : Eigen::RowVectorXd(Eigen::RowVectorXd::Zero(kMemory));
-  }
-
-  const PredictionTask* task_;
-  Index outputs_;
-  MatrixXd filter_;
-};
 
 // Residuals beside the space of the fit's own parameters.
 class Projection {
@@ -153,7 +97,7 @@ std::vector<ExtensionScore> extension_scores(const PredictionFitter& fitter,
                                              const PredictionFit& fit, const VectorXd& weights,
                                              const std::vector<LawExtension>& extensions) {
   const Projection plain(fit.jacobian, fit.residuals);
-  const Whitener whitener(fitter.task(), fitter.data().output_count(), fit.residuals);
+  const ResidualWhitener whitener(fitter.task(), fitter.data().output_count(), fit.residuals);
   MatrixXd whitened_jacobian(fit.jacobian.rows(), fit.jacobian.cols());
   for (Index c = 0; c < fit.jacobian.cols(); ++c) {
     whitened_jacobian.col(c) = whitener.apply(fit.jacobian.col(c));

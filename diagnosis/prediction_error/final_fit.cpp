@@ -13,6 +13,8 @@
 #include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
+#include "diagnosis/predictor/parameter_trend.hpp"
+#include "diagnosis/predictor/residual_whitener.hpp"
 
 namespace graybox {
 namespace {
@@ -80,15 +82,15 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
       weights_(data.output_scale()) {
   choose_horizon();
   if (!found_.fit.usable) return;
-  weights_ = found_.error.cwiseMax(1e-9 * data.output_scale());
-  found_ = judged(found_.fit.model, kIterations);
-  if (is_thinned()) climb_again();
-  fit_beside_disturbance();
-  fit_where_laws_are_told();
+  if (findings.followed) {
+    fit_innovations();
+  } else {
+    fit_as_judged();
+  }
   as_given_ = judged(findings.as_given, kIterations);
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
-  take_plainer_laws();
+  if (take_plainer_laws()) drop_idle_laws();
   add_short_ripples();
   do {
     found_.deviations =
@@ -106,6 +108,21 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   judge_held_out(as_given_);
 }
 
+void FinalFit::fit_as_judged() {
+  weights_ = found_.error.cwiseMax(1e-9 * data_->output_scale());
+  found_ = judged(found_.fit.model, kIterations);
+  if (is_thinned()) climb_again();
+  fit_beside_disturbance();
+  fit_where_laws_are_told();
+}
+
+// One sample ahead, where the search found its laws.
+void FinalFit::fit_innovations() {
+  task_ = data_->windows(1);
+  disturbance_ = remaining_ = *findings_->followed;
+  found_ = weighed(findings_->found);
+}
+
 void FinalFit::choose_horizon() {
   found_ = judged(findings_->found, kIterations);
   if (found_.fit.usable && has_skill(found_.error)) return;
@@ -118,7 +135,7 @@ void FinalFit::choose_horizon() {
 }
 
 PredictionFitter FinalFit::fitter(const PredictionTask& task) const {
-  return {*data_, task, findings_->intensity, threads_, disturbance_};
+  return {*data_, task, findings_->filter_intensity(), threads_, disturbance_};
 }
 
 bool FinalFit::has_skill(const VectorXd& error) const {
@@ -275,6 +292,7 @@ VectorXd FinalFit::deviations_of(const PredictionFit& fit) const {
 
 // The next shorter windows of the search, or the next longer ones.
 std::optional<PredictionTask> FinalFit::another_horizon() const {
+  if (findings_->followed) return {};  // a longer one hides what was found
   std::optional<Index> shorter, longer;
   for (const Rung& rung : findings_->rungs) {
     const Index horizon = findings_->samples_of(*data_, rung.horizon);
@@ -290,15 +308,48 @@ std::optional<PredictionTask> FinalFit::another_horizon() const {
   return data_->windows(*other);
 }
 
+PredictionFit FinalFit::fitted_at(const PredictionTask& task) const {
+  const PredictionFitter other = fitter(task);
+  const VectorXd& scale = data_->output_scale();
+  const PredictionFit first = other.fit(found_.fit.model, scale, {}, 0);
+  if (!first.usable) return {};
+  const VectorXd weights = other.errors(first, scale).cwiseMax(1e-9 * scale);
+  return other.fit(found_.fit.model, weights, {}, kIterations);
+}
+
+// By the fit's windows; where it runs free by shorter ones, since there what a parameter did early
+// is still felt late.
+std::vector<LawTrend> FinalFit::trends() const {
+  std::vector<LawTrend> trends;
+  std::optional<PredictionTask> task = task_;
+  if (task_.is_free()) task = another_horizon();
+  if (!task || found_.fit.model.laws.empty()) return trends;
+  const PredictionFit fit = task_.is_free() ? fitted_at(*task) : found_.fit;
+  if (!fit.usable) return trends;
+  for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
+    const PlacedFinding& law = fit.model.laws[l];
+    const std::size_t first = fit.model.first_parameter(law.part);
+    const std::size_t count = fit.model.model.parts[law.part].parameters.size();
+    LawTrend most{l, 0, 0.0, 0.0, 0.0};
+    for (std::size_t i = 0; i < fit.free.size(); ++i) {
+      if (fit.free[i] < first || fit.free[i] >= first + count) continue;
+      const ParameterTrend trend =
+          parameter_trend(*task, data_->output_count(), fit, static_cast<Index>(i));
+      if (std::abs(trend.z) <= std::abs(most.z)) continue;
+      const ParameterSpace& space = fit.model.space[fit.free[i]];
+      const double value = fit.model.model.parameters[fit.free[i]].value;
+      const double half = 0.5 * trend.change * (space.logarithmic ? std::abs(value) : space.scale);
+      most = {l, fit.free[i] - first, value - half, value + half, trend.z};
+    }
+    trends.push_back(most);
+  }
+  return trends;
+}
+
 VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
   const std::optional<PredictionTask> task = another_horizon();
   if (!task) return deviations;
-  const PredictionFitter other = fitter(*task);
-  const VectorXd& scale = data_->output_scale();
-  const PredictionFit first = other.fit(found_.fit.model, scale, {}, 0);
-  if (!first.usable) return deviations;
-  const VectorXd weights = other.errors(first, scale).cwiseMax(1e-9 * scale);
-  const PredictionFit fit = other.fit(found_.fit.model, weights, {}, kIterations);
+  const PredictionFit fit = fitted_at(*task);
   if (!fit.usable || fit.free != found_.fit.free) return deviations;
   const VectorXd own = deviations_of(fit);
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
@@ -445,9 +496,39 @@ std::optional<FinalFit::Growth> FinalFit::growth() const {
 // than its share of the cost. Recordings kept out have no say here: after the samples that are
 // seen their error is that of the state, of which the best law may have more than a poor one.
 bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const {
+  if (findings_->followed) return !is_borne_out(without);
   if (is_idle(without.fit, found_.fit)) return true;
   const double gain = 1.0 - found_.fit.cost / without.fit.cost;
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
+}
+
+// Chi-square of what the poorer fit leaves beyond the richer one, both made white by what the
+// richer one's residuals are like.
+double FinalFit::white_evidence(const PredictionTask& task, const PredictionFit& poorer,
+                                const PredictionFit& richer) const {
+  const ResidualWhitener whitener(task, data_->output_count(), richer.residuals);
+  const double left = whitener.apply(richer.residuals).squaredNorm();
+  const double more = whitener.apply(poorer.residuals).squaredNorm() - left;
+  return more / left * static_cast<double>(richer.residuals.size());
+}
+
+// One sample ahead a law must predict what was kept out, too: there a better state is no excuse.
+bool FinalFit::is_borne_out(const JudgedModel& without) const {
+  constexpr double kHeldOutEvidence = 25.0;  // chi-square
+  if (white_evidence(task_, without.fit, found_.fit) < kInnovationEvidence) return false;
+  if (!data_->has_validation()) return true;
+  const PredictionTask task = data_->windows(task_.horizon, ExperimentRole::kValidation);
+  const PredictionFitter ahead = fitter(task);
+  const PredictionFit poorer = ahead.fit(without.fit.model, weights_, {}, 0, false);
+  const PredictionFit richer = ahead.fit(found_.fit.model, weights_, {}, 0, false);
+  if (!poorer.usable || !richer.usable) return false;
+  return white_evidence(task, poorer, richer) > kHeldOutEvidence;
+}
+
+// z that a law must have to stay.
+double FinalFit::least_z() const {
+  if (!findings_->followed) return kMissed;
+  return data_->has_validation() ? kInnovationErrors : kMissedNearby;
 }
 
 bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const {
@@ -554,7 +635,7 @@ double FinalFit::missed_nearby(const PlacedFinding& law) const {
 void FinalFit::drop_idle_laws() {
   while (!found_.fit.model.laws.empty()) {
     std::optional<JudgedModel> poorest;
-    double least = kMissed;
+    double least = least_z();
     for (const PlacedFinding& law : found_.fit.model.laws) {
       JudgedModel poorer = refitted_without(law);
       if (!poorer.fit.usable) continue;
@@ -612,11 +693,15 @@ std::vector<std::size_t> FinalFit::elsewhere(std::size_t hypothesis) const {
   return others;
 }
 
-// Friction of two levels where one does as well, and the like.
-void FinalFit::take_plainer_laws() {
+// Friction of two levels where one does as well, a spring where a clearance has none, and the like.
+bool FinalFit::take_plainer_laws() {
+  bool has_changed = false;
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
-    l = take_plainer_law(l) ? 0 : l + 1;
+    const bool is_plainer = take_plainer_law(l) || take_steep_friction(l);
+    has_changed |= is_plainer;
+    l = is_plainer ? 0 : l + 1;
   }
+  return has_changed;
 }
 
 bool FinalFit::take_plainer_law(std::size_t law) {
@@ -624,15 +709,86 @@ bool FinalFit::take_plainer_law(std::size_t law) {
   const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
   const Hypothesis& rich = all[placed.hypothesis];
   if (rich.special_cases.empty()) return false;
-  const JudgedModel without = judged(without_part(found_.fit.model, placed.part), kIterations);
-  if (!without.fit.usable) return false;
+  // Without the law a fit may leave its valley: the plainer one begins beside both.
+  const ExtendedLumpedModel bare = without_part(found_.fit.model, placed.part);
+  const JudgedModel without = judged(bare, kIterations);
   for (std::size_t h = 0; h < all.size(); ++h) {
     if (all[h].place != rich.place || std::ranges::count(rich.special_cases, all[h].law) == 0) {
       continue;
     }
-    JudgedModel plainer = with_law(without, h);
-    if (!plainer.fit.usable || z_over(plainer) >= kMissed) continue;
+    JudgedModel plainer = with_sizes_of(placed, bare, h);
+    if (without.fit.usable) {
+      JudgedModel other = with_law(without, h);
+      const bool is_better =
+          other.fit.usable && (!plainer.fit.usable || other.fit.cost < plainer.fit.cost);
+      if (is_better) plainer = std::move(other);
+    }
+    if (!plainer.fit.usable) continue;
+    if (z_over(plainer) >= kMissed && !predicts_further(plainer)) continue;
     accepted_as_[h] = accepted_as(placed.hypothesis);
+    found_ = std::move(plainer);
+    return true;
+  }
+  return false;
+}
+
+// `bare` with the plainer law, at the size that the richer one has by the same name.
+JudgedModel FinalFit::with_sizes_of(const PlacedFinding& rich, const ExtendedLumpedModel& bare,
+                                    std::size_t hypothesis) const {
+  const Element& part = found_.fit.model.model.parts[rich.part];
+  const LawEntry& entry = *find_law(part.law_name, false);
+  JudgedModel best;
+  for (const LawExtension& start : hypotheses_->extensions(bare, motion())) {
+    if (start.hypothesis != hypothesis || start.replaces) continue;
+    const LawEntry& plainer = *find_law(start.law, false);
+    for (std::size_t p = 0; p < plainer.parameters.size(); ++p) {
+      const auto named =
+          std::ranges::find(entry.parameters, plainer.parameters[p].name, &LawParameter::name);
+      if (start.direction[p] == 0.0 || named == entry.parameters.end()) continue;
+      const auto at = static_cast<std::size_t>(named - entry.parameters.begin());
+      const double amplitude = (part.parameters[at] - start.base[p]) / start.direction[p];
+      JudgedModel each = judged(extended(bare, start, amplitude), kIterations);
+      if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
+      best = std::move(each);
+    }
+  }
+  return best;
+}
+
+// A model that is no better near and foretells more far ahead, in the fit's recordings and in those
+// kept out. Without these nothing is said.
+bool FinalFit::predicts_further(JudgedModel& plainer) const {
+  constexpr double kFewer = 0.95;  // of the error
+  judge_held_out(plainer);
+  JudgedModel richer = found_;
+  judge_held_out(richer);
+  if (judged_by_.horizon == task_.horizon || !plainer.held_out_error || !richer.held_out_error) {
+    return false;
+  }
+  const VectorXd& scale = data_->output_scale();
+  const auto is_less = [&](const VectorXd& one, const VectorXd& other) {
+    return relative_size(one, scale) < kFewer * relative_size(other, scale);
+  };
+  return is_less(plainer.error, richer.error) &&
+         is_less(*plainer.held_out_error, *richer.held_out_error);
+}
+
+// Dry friction that slides over gradually, where one that turns at once predicts as well: over the
+// short windows of the search other errors make it gradual.
+bool FinalFit::take_steep_friction(std::size_t law) {
+  const PlacedFinding placed = found_.fit.model.laws[law];
+  const ExtendedLumpedModel& model = found_.fit.model;
+  const std::size_t transition = model.first_parameter(placed.part) + 1;
+  const bool is_gradual = model.model.parts[placed.part].law_name == "coulomb" &&
+                          std::ranges::count(found_.fit.free, transition) > 0;
+  if (!is_gradual) return false;
+  const ExtendedLumpedModel bare = without_part(model, placed.part);
+  for (const LawExtension& start : hypotheses_->extensions(bare, motion())) {
+    if (start.hypothesis != placed.hypothesis || start.replaces || !start.fixed[1]) continue;
+    ExtendedLumpedModel steep = extended(bare, start, model.model.parameters[transition - 1].value);
+    JudgedModel plainer = judged(steep, kIterations);
+    if (!plainer.fit.usable) continue;
+    if (z_over(plainer) >= kMissed && !predicts_further(plainer)) continue;
     found_ = std::move(plainer);
     return true;
   }

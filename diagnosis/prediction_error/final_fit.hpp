@@ -46,6 +46,13 @@ struct HeldOutError {
 // rms over outputs of errors over their scales.
 [[nodiscard]] double relative_size(const Eigen::VectorXd& error, const Eigen::VectorXd& scale);
 
+// A parameter of a law that changes along the recordings (parameter_trend.hpp), in its unit.
+struct LawTrend {
+  std::size_t law = 0, parameter = 0;
+  double begin = 0.0, end = 0.0;
+  double z = 0.0;
+};
+
 class FinalFit {
  public:
   // References are kept.
@@ -81,6 +88,8 @@ class FinalFit {
     Eigen::VectorXd deviation;  // of its logarithm, by blocks
   };
   [[nodiscard]] std::optional<Growth> growth() const;
+  // Of each law the parameter that changes most; none where all windows are whole recordings.
+  [[nodiscard]] std::vector<LawTrend> trends() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;
   [[nodiscard]] Eigen::MatrixXd motion() const;
@@ -97,6 +106,8 @@ class FinalFit {
   [[nodiscard]] double growth_of_drive() const;
   [[nodiscard]] bool is_thinned() const;
   void climb_again();
+  void fit_as_judged();
+  void fit_innovations();
   void fit_beside_disturbance();
   // A fit whose filter follows a disturbance.
   struct Beside {
@@ -127,8 +138,17 @@ class FinalFit {
   // z of a law on the rung where it was accepted, beside the others found.
   [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
+  [[nodiscard]] double white_evidence(const PredictionTask& task, const PredictionFit& poorer,
+                                      const PredictionFit& richer) const;
+  [[nodiscard]] bool is_borne_out(const JudgedModel& without) const;
+  [[nodiscard]] double least_z() const;
   bool take_better_places();
-  void take_plainer_laws();
+  bool take_plainer_laws();
+  [[nodiscard]] JudgedModel with_sizes_of(const PlacedFinding& rich,
+                                          const ExtendedLumpedModel& bare,
+                                          std::size_t hypothesis) const;
+  bool take_steep_friction(std::size_t law);
+  [[nodiscard]] bool predicts_further(JudgedModel& plainer) const;
   void add_short_ripples();
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;
   [[nodiscard]] bool take_plainer_law(std::size_t law);
@@ -137,6 +157,8 @@ class FinalFit {
   [[nodiscard]] JudgedModel refitted_without(const PlacedFinding& law) const;
   [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit) const;
   [[nodiscard]] std::optional<PredictionTask> another_horizon() const;
+  // The model found, fitted by this task and weighed by what it leaves there.
+  [[nodiscard]] PredictionFit fitted_at(const PredictionTask& task) const;
   [[nodiscard]] Eigen::VectorXd with_disagreement(Eigen::VectorXd deviations) const;
   [[nodiscard]] Eigen::ArrayXd relative_errors(const PredictionFit& fit) const;
 

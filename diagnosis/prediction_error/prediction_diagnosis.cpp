@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string>
 
@@ -39,10 +40,11 @@ constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard e
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
-constexpr double kExcluded = 2.0;                // z of what is found over a rival
-constexpr double kStructureLimit = 3.0;          // % of the forces that act
-constexpr double kRestLimit = 15.0;              // % of them
-constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+constexpr double kTrendErrors = 5.0, kTrendShare = 0.1;  // of the parameter
+constexpr double kExcluded = 2.0;                        // z of what is found over a rival
+constexpr double kStructureLimit = 3.0;                  // % of the forces that act
+constexpr double kRestLimit = 15.0;                      // % of them
+constexpr Eigen::Index kSearchedSamples = 8000;          // for the search; the final fit takes all
 
 double pooled(const VectorXd& error, const VectorXd& scale) {
   return 100.0 * relative_size(error, scale);
@@ -555,6 +557,37 @@ class DiagnosisBuilder {
                         "the fit"));
   }
 
+  // A law that holds on the average only.
+  void add_trend(std::vector<VerdictReason>& list) const {
+    const std::vector<LawTrend> trends = final_->trends();
+    const LawTrend* worst = nullptr;
+    for (const LawTrend& trend : trends) {
+      const double larger = std::max(std::abs(trend.begin), std::abs(trend.end));
+      const bool is_much = std::abs(trend.end - trend.begin) > kTrendShare * larger;
+      if (is_much && (worst == nullptr || std::abs(trend.z) > std::abs(worst->z))) worst = &trend;
+    }
+    const std::string test_name = "change of what was found along the recordings";
+    if (worst == nullptr) {
+      VerdictReason reason = test(test_name + ", standard errors", 0.0, kTrendErrors, true, "");
+      if (trends.empty()) reason.not_tested = "the recordings are one window each";
+      list.push_back(std::move(reason));
+      return;
+    }
+    const LawParameterEstimate& parameter =
+        result_.effects[worst->law].law.parameters[worst->parameter];
+    const Hypothesis& hypothesis =
+        hypotheses_->hypotheses()[result_.effects[worst->law].law.hypothesis];
+    const double z = std::abs(worst->z);
+    list.push_back(test(
+        fmt::format("{} ({} of {} at {}: about {:.3g} {} at their beginning, {:.3g} at their end), "
+                    "standard errors",
+                    test_name, parameter.name, hypothesis.law, hypothesis.place, worst->begin,
+                    parameter.unit, worst->end),
+        z, kTrendErrors, z <= kTrendErrors,
+        "look for what changes while it is recorded, as a temperature, a load or wear; record it, "
+        "and fit the beginning and the end by themselves"));
+  }
+
   void add_growth(std::vector<VerdictReason>& list) const {
     const std::string name = "growth of the error from the recordings of the fit to those kept out";
     const std::optional<FinalFit::Growth> growth = final_->growth();
@@ -675,6 +708,7 @@ class DiagnosisBuilder {
     add_misleading(list);
     add_held_out(list);
     add_growth(list);
+    if (laws > 0.0) add_trend(list);
     add_against_as_given(list);
     add_rest(list);
     add_determination(list, Verdict::kAmbiguous);
@@ -766,6 +800,34 @@ void require_windows(const LumpedModel& model, const PredictionData& data,
       campaign.file.string(), kFewestHorizonWindows, kShortestHorizon, windows));
 }
 
+// Laws one sample ahead, beside a disturbance, and what comes of them.
+struct NearerLook {
+  std::unique_ptr<PredictionFindings> findings;  // that the final fit refers to
+  std::unique_ptr<FinalFit> final;
+};
+
+// Where the ladder ends without laws.
+std::optional<NearerLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
+                                      const PredictionHypotheses& hypotheses,
+                                      PredictionSearchOptions options,
+                                      const PredictionFindings& ladder, const FinalFit& without) {
+  const JudgedModel& found = without.found();
+  if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped) return {};
+  options.least_gain = options.least_gain_rare = options.least_gain_near_noise = kInnovationGain;
+  options.least_gain_of_rounding = 0.0;
+  options.errors_of_gain = kInnovationErrors;
+  options.least_evidence = kInnovationEvidence;
+  PredictionSearch search(data, hypotheses, options);
+  auto findings = std::make_unique<PredictionFindings>(
+      search.search_innovations(stated, ladder, found.fit.model));
+  if (findings->laws.empty()) return {};
+  NearerLook look;
+  look.findings = std::move(findings);
+  look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
+  if (!look.final->found().fit.usable || look.final->found().fit.model.laws.empty()) return {};
+  return look;
+}
+
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
   Diagnosis diagnosis;
   diagnosis.interrupted = findings.stopped;
@@ -818,9 +880,14 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
     }
     const PredictionFindings findings = search.run(stated);
     if (findings.usable) {
-      const FinalFit final(data, hypotheses, findings, threads);
+      const FinalFit ladder(data, hypotheses, findings, threads);
+      const std::optional<NearerLook> nearer =
+          look_nearer(stated, data, hypotheses, search_options, findings, ladder);
+      const FinalFit& final = nearer ? *nearer->final : ladder;
       if (final.found().fit.usable) {
-        result.diagnosis = DiagnosisBuilder(stated, data, hypotheses, findings, final).build();
+        result.diagnosis =
+            DiagnosisBuilder(stated, data, hypotheses, nearer ? *nearer->findings : findings, final)
+                .build();
         for (const std::string& words :
              {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
           if (!words.empty()) result.diagnosis.assumptions.push_back(words);

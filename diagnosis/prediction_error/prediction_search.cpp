@@ -118,7 +118,7 @@ bool PredictionSearch::proceed(const std::string& step) {
 }
 
 PredictionFitter PredictionSearch::fitter(const State& state) const {
-  return {*data_, state.task, findings_.intensity, options_.threads, disturbance_};
+  return {*data_, state.task, findings_.filter_intensity(), options_.threads, disturbance_};
 }
 
 std::vector<Index> PredictionSearch::window_ladder() const {
@@ -193,6 +193,7 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
 }
 
 bool PredictionSearch::is_noise(const State& state) const {
+  if (findings_.followed) return false;  // a law may be small beside it, and told all the same
   for (Index j = 0; j < state.error.size(); ++j) {
     const double limit = data_->is_rounded(j) ? options_.at_rounding : options_.at_noise;
     if (!(state.error(j) < limit * state.by_noise(j))) return false;
@@ -307,7 +308,8 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
   };
   const auto is_good = [&](const TriedLaw& law) {
-    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law);
+    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law) &&
+           law.evidence >= options_.least_evidence;
   };
   const auto complexity = [&](const TriedLaw& law) {
     return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;
@@ -364,6 +366,18 @@ std::vector<RippleTrial> PredictionSearch::ripples(const State& state) const {
   return trials;
 }
 
+// Of the gain, the share that is left once the residuals are white.
+double PredictionSearch::evidence_of(const TriedLaw& law, const State& state,
+                                     const std::vector<LawExtension>& extensions,
+                                     const std::vector<ExtensionScore>& scores) {
+  double white = 0.0;
+  for (const ExtensionScore& score : scores) {
+    if (extensions[score.extension].hypothesis != law.hypothesis || !(score.share > 0.0)) continue;
+    white = std::max(white, std::min(1.0, score.whitened_share / score.share));
+  }
+  return white * law.gain * static_cast<double>(state.fit.residuals.size());
+}
+
 bool PredictionSearch::add_law(State& state) {
   const PredictionFitter fitter = this->fitter(state);
   std::vector<LawExtension> extensions =
@@ -382,6 +396,7 @@ bool PredictionSearch::add_law(State& state) {
   }
   std::vector<TriedLaw> tried = start_race(state, extensions, starts);
   end_race(state, tried);
+  for (TriedLaw& law : tried) law.evidence = evidence_of(law, state, extensions, scores);
   const std::size_t taken = plainest(tried, extensions, state);
   const PredictionFit& best = taken < tried.size() ? tried[taken].fit : state.fit;
   if (findings_.laws.empty() && add_friction_group(state, stated, extensions, best)) return true;
@@ -413,13 +428,19 @@ bool PredictionSearch::add_friction_group(State& state, const std::optional<Pred
   return true;
 }
 
+bool PredictionSearch::is_idle_here(const PredictionFit& without, const PredictionFit& with) const {
+  if (!findings_.followed) return is_idle(without, with);
+  return without.usable &&
+         (1.0 - with.cost / without.cost < options_.least_gain || z_between(without, with) < 0.0);
+}
+
 void PredictionSearch::prune(State& state) {
   for (std::size_t l = 0; l < state.fit.model.laws.size();) {
     const PlacedFinding law = state.fit.model.laws[l];
     const PredictionFit without =
         fitter(state).fit(without_part(state.fit.model, law.part), state.weights,
                           state.fit.initials, kPruneIterations);
-    if (!is_idle(without, state.fit)) {
+    if (!is_idle_here(without, state.fit)) {
       ++l;
       continue;
     }
@@ -492,6 +513,54 @@ void PredictionSearch::look_at_free_run() {
   const bool stopped = findings_.stopped;
   findings_ = before;
   findings_.stopped = stopped;
+}
+
+// The disturbance that is likeliest beside the model as it is; false: none can be told.
+bool PredictionSearch::follow_disturbance() {
+  const std::optional<LatentForce> force =
+      likeliest_force(*data_, findings_.found, findings_.intensity, options_.threads);
+  if (!force) return false;
+  disturbance_ = force->disturbance;
+  findings_.followed = disturbance_;
+  return true;
+}
+
+// From the model as it is, and from the values stated: without the law found last the parameters
+// may have left their valley.
+bool PredictionSearch::fit_one_ahead(State& state) const {
+  state.task = data_->windows(1);
+  state.weights = data_->noise();
+  const PredictionFitter near = fitter(state);
+  state.fit = near.fit(findings_.found, state.weights, {}, kRungIterations);
+  if (!findings_.laws.empty()) {
+    PredictionFit stated =
+        near.fit(with_own_values(findings_.found, *stated_), state.weights, {}, kFirstIterations);
+    const bool is_better = stated.usable && (!state.fit.usable || stated.cost < state.fit.cost);
+    if (is_better) state.fit = std::move(stated);
+  }
+  if (!state.fit.usable) return false;
+  weigh(state);
+  return state.fit.usable;
+}
+
+PredictionFindings PredictionSearch::search_innovations(const LumpedModel& stated,
+                                                        const PredictionFindings& ladder,
+                                                        const ExtendedLumpedModel& without) {
+  constexpr int kRounds = 4;
+  findings_ = ladder;
+  findings_.laws.clear();
+  findings_.found = start_ = without;
+  stated_ = &stated;
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<std::size_t> before = laws_of(findings_.found);
+    State state;
+    if (!proceed("one sample ahead, beside a disturbance: ranking and refitting")) break;
+    if (!follow_disturbance() || !fit_one_ahead(state) || !add_law(state)) break;
+    prune(state);
+    findings_.found = state.fit.model;
+    if (laws_of(findings_.found) == before) break;
+  }
+  return std::move(findings_);
 }
 
 // Where what is measured forgets the start, free run says all. But where a law is missing the model

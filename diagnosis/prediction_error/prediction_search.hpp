@@ -40,6 +40,9 @@ namespace graybox {
 
 // Of the cost, and of the squared error of recordings kept out.
 inline constexpr double kRareGain = 0.1;
+// One sample ahead, beside a disturbance: of the cost, z, and chi-square.
+inline constexpr double kInnovationGain = 0.01, kInnovationErrors = 1.0,
+                        kInnovationEvidence = 200.0;
 
 struct PredictionSearchOptions {
   double errors_of_gain = 3.0;         // z
@@ -54,6 +57,7 @@ struct PredictionSearchOptions {
   double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
   double least_gain_near_noise = 0.15;   // so much of the cost
   double least_gain_of_rounding = 0.25;  // a late channel: of the share that may be rounding
+  double least_evidence = 0.0;           // chi-square of what the law takes of white residuals
   double no_skill = 0.95;                // of the signal
   double fed_in = 0.02;                  // of the energy, at a place
   double group_gain = 0.2;               // of the cost that the best single law leaves
@@ -68,9 +72,10 @@ struct PredictionSearchOptions {
 struct TriedLaw {
   std::size_t hypothesis = 0;
   PredictionFit fit;
-  double z = 0.0;       // over the poorer model
-  double gain = 0.0;    // of its cost
-  double behind = 0.0;  // z of the law taken over this one
+  double z = 0.0;         // over the poorer model
+  double gain = 0.0;      // of its cost
+  double evidence = 0.0;  // chi-square of what it takes, the residuals made white
+  double behind = 0.0;    // z of the law taken over this one
   bool feeds_energy = false;
   bool ran_away = false;  // a parameter of the law ended at a bound, or what no machine has
   [[nodiscard]] bool is_possible() const { return !feeds_energy && !ran_away; }
@@ -106,7 +111,16 @@ struct PredictionFindings {
   std::vector<ExtensionScore> ranking;  // of the first search, and what it ranked
   std::vector<LawExtension> ranked;
   bool has_free_run = false;  // whether it was searched in free run
-  Eigen::VectorXd left;       // rms by output on the last rung, of the signal
+  // Of laws found one sample ahead: the disturbance that the filter followed, the only force noise
+  // that it knew.
+  std::optional<DisturbanceForce> followed;
+  Eigen::VectorXd left;  // rms by output on the last rung, of the signal
+  // Of the white force noise at every mass that a filter reckons with. Beside a disturbance that
+  // was followed there is next to none.
+  [[nodiscard]] double filter_intensity() const {
+    constexpr double kNextToNone = 1e-3;
+    return followed ? kNextToNone * intensity : intensity;
+  }
   // A horizon of the search in samples of `data`, which may be sampled faster.
   [[nodiscard]] Eigen::Index samples_of(const PredictionData& data, Eigen::Index horizon) const {
     return std::lround(sample_time / data.sample_time() * static_cast<double>(horizon));
@@ -118,6 +132,12 @@ class PredictionSearch {
   PredictionSearch(const PredictionData& data, const PredictionHypotheses& hypotheses,
                    PredictionSearchOptions options);
   [[nodiscard]] PredictionFindings run(const LumpedModel& model);
+  // One sample ahead, beside the likeliest disturbance: laws that longer predictions hide beneath
+  // what a disturbance adds up to. `without`: the model without laws as the ladder fitted it. No
+  // laws, and nothing followed, where no force is recorded.
+  [[nodiscard]] PredictionFindings search_innovations(const LumpedModel& stated,
+                                                      const PredictionFindings& ladder,
+                                                      const ExtendedLumpedModel& without);
 
  private:
   struct State {  // on one rung
@@ -152,6 +172,9 @@ class PredictionSearch {
   [[nodiscard]] std::vector<TriedLaw> start_race(const State& state,
                                                  const std::vector<LawExtension>& extensions,
                                                  std::span<const ScoredStart> starts) const;
+  [[nodiscard]] static double evidence_of(const TriedLaw& law, const State& state,
+                                          const std::vector<LawExtension>& extensions,
+                                          const std::vector<ExtensionScore>& scores);
   // The best to their ends; sorted by their costs.
   void end_race(const State& state, std::vector<TriedLaw>& tried) const;
   [[nodiscard]] PredictionFit refit(const State& state, const PredictionFit& from,
@@ -166,7 +189,10 @@ class PredictionSearch {
                                      const State& state) const;
   void accept(std::vector<TriedLaw> tried, std::size_t taken, State& state);
   void prune(State& state);
+  [[nodiscard]] bool is_idle_here(const PredictionFit& without, const PredictionFit& with) const;
   [[nodiscard]] bool is_noise(const State& state) const;
+  [[nodiscard]] bool follow_disturbance();
+  [[nodiscard]] bool fit_one_ahead(State& state) const;
   [[nodiscard]] bool proceed(const std::string& step);
   // 10, 30, 100, ... samples, as long as there are enough windows.
   [[nodiscard]] std::vector<Eigen::Index> window_ladder() const;
