@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstddef>
 #include <limits>
 #include <set>
@@ -255,9 +256,8 @@ void name_or_drop_unnamed(RecordingFile& file) {
 // Words where numbers should begin: what was taken for the header may be a title.
 void refuse_words(const std::string& path, std::size_t line,
                   const std::vector<std::string_view>& fields) {
-  const auto is_word = [](std::string_view field) {
-    double number = 0.0;
-    return !field.empty() && !field.starts_with('#') && !parse_number(field, number);
+  const auto is_word = [](std::string_view field) {  // no decimal comma, no error of Excel
+    return !field.empty() && std::isalpha(static_cast<unsigned char>(field.front())) != 0;
   };
   if (!is_header(fields) || !std::ranges::all_of(fields, is_word)) return;
   throw InputError(fmt::format(
