@@ -6,6 +6,7 @@
 
 #include "cli/arguments/option_checks.hpp"
 #include "cli/commands/commands.hpp"
+#include "cli/front/output_paths.hpp"
 #include "cli/front/task_list.hpp"
 #include "cli/process/start_up.hpp"
 #include "diagnosis/estimation/quiet_ceres.hpp"
@@ -83,6 +84,10 @@ int run(int argc, char** argv) {
   graybox::cli::add_completion_command(app, invocation);
   graybox::cli::add_help_command(app, invocation);
   graybox::cli::check_common_options(app);
+  app.parse_complete_callback([&app] {
+    graybox::cli::require_values(app);
+    graybox::cli::require_distinct_outputs(app);
+  });
   if (argc == 1) {
     std::fputs(graybox::cli::task_list().c_str(), stdout);
     return graybox::cli::kDone;

@@ -8,6 +8,7 @@
 
 #include "bench/challenge/detectability.hpp"
 #include "problems/base/error.hpp"
+#include "problems/files/file_message.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -117,7 +118,7 @@ CaseTruth truth_from_json(const Json& json, const std::string& file) {
   } catch (const nlohmann::json::exception& error) {
     throw InputError(fmt::format("{}: is no truth of a case: {}", file, error.what()));
   } catch (const InputError& error) {
-    throw InputError(fmt::format("{}: {}", file, error.what()));
+    throw InputError(in_file(file, error.what()));
   }
 }
 

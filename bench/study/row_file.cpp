@@ -5,8 +5,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstddef>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <set>
 #include <string>
 #include <tuple>
@@ -29,20 +31,35 @@ auto point_of(const SkipRow& row) {
   return std::make_tuple(row.experiment, row.family, row.candidates, row.solver, row.duality_gap);
 }
 
-void read_row(const std::string& line, StudyRows& rows) {
+// What no run can be: what was written by hand, or damaged so that it still parses.
+bool is_possible(const RunRow& row) {
+  constexpr std::size_t kMost = std::numeric_limits<std::ptrdiff_t>::max();  // not of a minus sign
+  return row.candidates > 0 && row.candidates <= kMost && row.dimension > 0 &&
+         row.dimension <= kMost && row.seconds >= 0.0 && row.wall_seconds >= 0.0 &&
+         row.process_seconds >= 0.0 && row.key.duality_gap > 0.0 && row.key.repetition >= 0;
+}
+
+// False for a line that is no row.
+bool read_row(const std::string& line, StudyRows& rows) {
   const json row = json::parse(line, nullptr, false);
-  if (row.is_discarded() || !row.is_object()) {
-    ++rows.unreadable;
-    return;
-  }
+  if (row.is_discarded() || !row.is_object()) return false;
   try {
     const std::string kind = row.value("kind", std::string());
-    if (kind == "run") rows.runs.push_back(row.get<RunRow>());
-    if (kind == "skip") rows.skips.push_back(row.get<SkipRow>());
-    if (kind == "environment") rows.environments.push_back(row);
+    if (kind == "run") {
+      RunRow run = row.get<RunRow>();
+      if (!is_possible(run)) return false;
+      rows.runs.push_back(std::move(run));
+    } else if (kind == "skip") {
+      rows.skips.push_back(row.get<SkipRow>());
+    } else if (kind == "environment") {
+      rows.environments.push_back(row);
+    } else {
+      return false;
+    }
   } catch (const std::exception&) {
-    ++rows.unreadable;
+    return false;
   }
+  return true;
 }
 
 }  // namespace
@@ -50,8 +67,11 @@ void read_row(const std::string& line, StudyRows& rows) {
 StudyRows read_rows(const std::filesystem::path& file) {
   StudyRows rows;
   std::ifstream stream(file);
+  std::size_t number = 0;
   for (std::string line; std::getline(stream, line);) {
-    if (!line.empty()) read_row(line, rows);
+    ++number;
+    if (line.empty() || read_row(line, rows)) continue;
+    if (rows.unreadable++ == 0) rows.first_unreadable = number;
   }
   using Point = decltype(point_of(std::declval<RunRow>()));
   std::set<Point> seen;
@@ -63,6 +83,16 @@ StudyRows read_rows(const std::filesystem::path& file) {
   }
   rows.skips.assign(kept.rbegin(), kept.rend());
   return rows;
+}
+
+std::string unreadable_note(const StudyRows& rows, const std::string& file) {
+  if (rows.unreadable == 0) return {};
+  if (rows.unreadable == 1) {
+    return fmt::format("{}: line {} is no row of a study and is left out", file,
+                       rows.first_unreadable);
+  }
+  return fmt::format("{}: {} lines are no rows of a study (the first: line {}) and are left out",
+                     file, rows.unreadable, rows.first_unreadable);
 }
 
 RowFile::RowFile(std::filesystem::path file) : path_(std::move(file)) {

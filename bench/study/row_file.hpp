@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <vector>
 
 #include "bench/study/run_row.hpp"
@@ -17,11 +18,16 @@ struct StudyRows {
   std::vector<nlohmann::json> environments;
   std::vector<RunRow> runs;
   std::vector<SkipRow> skips;
-  std::size_t unreadable = 0;  // lines that are no rows: torn, or of another version
+  std::size_t unreadable = 0;        // lines that are no rows: torn, damaged, of another version
+  std::size_t first_unreadable = 0;  // the first of them, counted from 1; 0: there is none
 };
 
 // Empty where there is no such file. Skips of points that were run after all are left out.
 [[nodiscard]] StudyRows read_rows(const std::filesystem::path& file);
+
+// "rows.jsonl: 3 lines are no rows of a study (the first: line 17) and are left out"; empty where
+// all could be read.
+[[nodiscard]] std::string unreadable_note(const StudyRows& rows, const std::string& file);
 
 class RowFile {
  public:

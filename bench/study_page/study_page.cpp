@@ -34,11 +34,39 @@ std::pair<std::string, std::size_t> most_often_fastest(const ProfileData& profil
   return {most->first, most->second};
 }
 
+// "2 of 9 runs are unsolved: 1 time_limit, 1 crashed."
+std::string unsolved_words(const std::vector<RunRow>& runs) {
+  std::map<std::string, std::size_t> counts;
+  for (const RunRow& run : runs) {
+    if (run.status != ReportStatus::kSolved) ++counts[std::string(to_string(run.status))];
+  }
+  std::string kinds;
+  std::size_t unsolved = 0;
+  for (const auto& [status, count] : counts) {
+    unsolved += count;
+    kinds += fmt::format("{}{} {}", kinds.empty() ? "" : ", ", count, status);
+  }
+  if (unsolved == 0) return {};
+  return fmt::format("{} of {} runs {} unsolved: {}.", unsolved, runs.size(),
+                     unsolved == 1 ? "is" : "are", kinds);
+}
+
+// A tick is for a study without a run unsolved, a line unread or answers that disagree.
+PageMark tone_of(const StudyRows& rows, bool agree) {
+  if (!agree) return PageMark::kFailed;
+  const bool is_whole = rows.unreadable == 0 && count_solved(rows.runs) == rows.runs.size();
+  return is_whole && !rows.runs.empty() ? PageMark::kPassed : PageMark::kOpen;
+}
+
 void add_verdict(const StudyRows& rows, const ProfileData& profile,
                  const std::vector<Agreement>& agreements, ReportPage& page) {
   const bool agree = std::ranges::all_of(agreements, &Agreement::agrees);
-  page.tone = rows.runs.empty() ? PageMark::kOpen : agree ? PageMark::kPassed : PageMark::kFailed;
+  page.tone = tone_of(rows, agree);
   page.verdict = fmt::format("{} of {} runs solved", count_solved(rows.runs), rows.runs.size());
+  for (const std::string& words :
+       {unsolved_words(rows.runs), unreadable_note(rows, "rows.jsonl")}) {
+    if (!words.empty()) page.sentences.push_back(words.back() == '.' ? words : words + ".");
+  }
   page.sentences.push_back(
       agree ? fmt::format("All certified answers to each of the {} problems agree within their "
                           "proven bounds.",

@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <string>
 
+#include "problems/base/error.hpp"
+
 namespace graybox::cli {
 namespace {
 
@@ -38,6 +40,18 @@ void check_common_options(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     check_common_options(*command);
   }
+}
+
+void require_values(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_expected_max() == 0) continue;  // a flag
+    for (const std::string& value : option->results()) {
+      if (value.find_first_not_of(" \t") != std::string::npos) continue;
+      throw InputError(option->get_name(option->get_positional()) +
+                       ": the value is empty; state one, or leave the option out");
+    }
+  }
+  for (const CLI::App* command : app.get_subcommands()) require_values(*command);
 }
 
 }  // namespace graybox::cli

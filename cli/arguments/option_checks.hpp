@@ -4,6 +4,8 @@
 //   --gap      a positive number, neither infinite nor NaN
 //   --seed     not negative (a negative number would wrap round to a huge one)
 //   --threads  a whole number from 1 to 1024
+//
+// And whatever takes a value is given one: --format '' would pass for --format left out.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,5 +14,8 @@ namespace graybox::cli {
 
 // Adds the rules to every command below `app`.
 void check_common_options(CLI::App& app);
+
+// Of the commands that were parsed. Throws InputError naming the option without a value.
+void require_values(const CLI::App& app);
 
 }  // namespace graybox::cli

@@ -112,7 +112,9 @@ void add_make(CLI::App& app, Invocation& invocation) {
                    "whole number, or 'commit': from the SHA-256 of the commit under test")
       ->required();
   command->add_option("-o,--output", arguments->cases, "folder of the cases")->required();
-  command->add_option("--truth", arguments->truth, "folder of the truth, apart from the cases")
+  command
+      ->add_option("--truth", arguments->truth,
+                   "write the truth into this folder, apart from the cases")
       ->required();
   auto* quick = command->add_flag("--quick", arguments->quick,
                                   "a tenth of the cases: 40 of 400, of any_motion 24 of 240");

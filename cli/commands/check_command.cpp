@@ -14,6 +14,7 @@
 #include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
@@ -280,6 +281,7 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   add_design_output_options(*command, arguments->shown);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit code 0 if the duality gap is proven to be at most the gap asked, rounding included,\n"

@@ -53,14 +53,26 @@ DiagnosisAnswer run(DiagnosisRequest request) {
   return run_diagnosis(std::move(request));
 }
 
+// What verdict.json lists, the page first and the figures by their folder.
+std::string written_files(const nlohmann::ordered_json& verdict) {
+  std::string text = "report.html";
+  bool has_figures = false;
+  for (const auto& file : verdict.at("files")) {
+    const std::string name = file.get<std::string>();
+    const bool is_figure = name.starts_with("figures/");
+    has_figures = has_figures || is_figure;
+    if (!is_figure && name != "report.html") text += ", " + name;
+  }
+  return text + (has_figures ? ", figures" : "");
+}
+
 void print(const DiagnosisRequest& request, const DiagnosisAnswer& answer) {
   fmt::print("verdict: {}\n", to_string(answer.diagnosis.verdict));
   if (!answer.method_line.empty()) fmt::print("{}\n", answer.method_line);
   for (const std::string& line : answer.words()) fmt::print("{}\n", line);
   for (const std::string& line : answer.warnings) fmt::print("The recordings: {}\n", line);
   if (!request.report.empty()) {
-    fmt::print("wrote {}/report.html, verdict.json, {}figures\n", request.report,
-               answer.diagnosis.after.usable ? "model_extended.yaml, physics.yaml, " : "");
+    fmt::print("wrote {}/{}\n", request.report, written_files(answer.verdict));
   }
 }
 

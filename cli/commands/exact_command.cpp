@@ -26,6 +26,7 @@
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact/exact_method.hpp"
@@ -182,11 +183,13 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
   if (!found && report.solution.message.empty()) {
     report.solution.message = "no experiment fits, and what is known already needs none";
   }
+  FilesTogether files;
   if (!arguments.output.empty() && found) write_constrained_exact(arguments.output, set, report);
   if (shown.has_page() && found) {
     shown.write_page(constrained_exact_story(set, report),
                      {{arguments.set.path, "information set"}});
   }
+  files.commit();
   if (shown.has_table() && found) {
     shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
   } else if (arguments.json) {
@@ -225,10 +228,12 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
   ExactReport report = run(arguments, set);
   report.share.problem_hash = set.content_hash();
   const bool regular = report.solution.status != ExactStatus::kSingular;
+  FilesTogether files;
   if (!arguments.output.empty() && regular) write_exact_design(arguments.output, set, report);
   if (shown.has_page() && regular) {
     shown.write_page(exact_story(set, report), {{arguments.set.path, "information set"}});
   }
+  files.commit();
   if (shown.has_table() && regular) {
     shown.print_table(set, design_schedule(set, report.solution.design.counts));
   } else if (arguments.json) {

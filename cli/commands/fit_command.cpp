@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
 #include "cli/output/console.hpp"
@@ -17,6 +18,7 @@
 #include "diagnosis/runs/model_fit.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -51,7 +53,7 @@ std::optional<ModelPrediction> predicted_by(const std::filesystem::path& model,
 }
 
 // The fitted model stands beside the page while its recordings are predicted.
-void write_page(const Arguments& arguments, const FitReport& report, PageOrigin origin) {
+std::string page_of(const Arguments& arguments, const FitReport& report, PageOrigin origin) {
   FitPredictions predictions;
   std::string text;
   ModelFitRequest request = arguments.request;
@@ -63,7 +65,7 @@ void write_page(const Arguments& arguments, const FitReport& report, PageOrigin 
     predictions.after = predicted_by(request.written_model, {}, request);
     std::filesystem::remove(request.written_model);
   }
-  write_text_file(arguments.page, fit_page(report, predictions, text, origin));
+  return fit_page(report, predictions, text, origin);
 }
 
 int execute(const Arguments& arguments, const Invocation& invocation) {
@@ -74,17 +76,21 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
     if (!file->empty()) require_writable(*file);
   }
   const FitReport report = run(request);
+  std::string page;
+  if (!arguments.page.empty()) {
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    page = page_of(arguments, report,
+                   {.command = command_line(invocation.arguments),
+                    .files = {{request.model, "model"}, {report.campaign, "campaign"}},
+                    .seconds = seconds.count()});
+  }
+  FilesTogether files;
   if (!arguments.output.empty()) write_fit(arguments.output, report);
   if (!request.written_model.empty()) {
     write_text_file(request.written_model, fitted_model_text(request, report));
   }
-  if (!arguments.page.empty()) {
-    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-    write_page(arguments, report,
-               {.command = command_line(invocation.arguments),
-                .files = {{request.model, "model"}, {report.campaign, "campaign"}},
-                .seconds = seconds.count()});
-  }
+  if (!arguments.page.empty()) write_text_file(arguments.page, page);
+  files.commit();
   if (arguments.json) {
     fmt::print("{}\n", fit_json(report).dump());
   } else {
@@ -146,6 +152,7 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                    "lumped models: free (estimated), measured or rest")
       ->check(CLI::IsMember({"free", "measured", "rest"}))
       ->capture_default_str();
+  add_time_limit(*command, OnStop::kHandsOverInTime);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"

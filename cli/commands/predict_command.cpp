@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
@@ -119,6 +120,7 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--threads", arguments->threads, "threads")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 predicted; 2 bad input.\n"

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -239,6 +240,7 @@ void add_recordings_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--template", arguments->from_logs,
                     "propose a campaign.yaml for logs (print it, or -o)");
   command->add_flag("--units", arguments->units, "list the units that a campaign may state");
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit codes: 0 usable, perhaps with warnings; 2 a recording can't be used, and why.\n"

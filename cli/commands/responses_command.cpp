@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -206,6 +207,7 @@ void add_responses_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--threads", arguments->threads, "threads; the result is the same")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "SNR: output over its noise; error: standard error of a row of the response; total: noise "

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "bench/study/progress.hpp"
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -140,6 +141,7 @@ void add_simulate_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output, "campaign folder to write");
   command->add_flag("--laws", arguments->laws, "list the laws of elements and their parameters");
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Ctrl-C loses the recordings in hand and none that is written; the same command goes on "

@@ -26,6 +26,7 @@
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/constrained/constrained_design_file.hpp"
 #include "solvers/floors/efficiency_floor.hpp"
@@ -105,11 +106,13 @@ int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
                                                std::move(request), std::move(constraints));
   report.report.problem_hash = set.content_hash();
   const bool answer = !report.efforts.empty();
+  FilesTogether files;
   if (!arguments.trace.empty()) write_trace(arguments.trace, trace);
   if (!arguments.output.empty() && answer) write_constrained_design(arguments.output, set, report);
   if (shown.has_page() && answer) {
     shown.write_page(constrained_story(set, report), {{arguments.set.path, "information set"}});
   }
+  files.commit();
   if (shown.has_table() && answer) {
     shown.print_table(set, design_schedule(set, report.weights().weights));
   } else if (arguments.json) {
@@ -156,10 +159,12 @@ int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
   report.certificate = proof.certificate;
   report.status = judge(solution.status, options.duality_gap, report.certificate);
   report.message = solution.message.empty() ? proof.certificate.message : solution.message;
+  FilesTogether files;
   if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
   if (!arguments.output.empty()) {
     write_floored_design(arguments.output, set, solution.design, report, floors);
   }
+  files.commit();
   if (shown.has_table()) {
     shown.print_table(set, design_schedule(set, solution.design.weights));
   } else if (arguments.json) {
@@ -184,16 +189,6 @@ void require_floors_alone(const SolveArguments& arguments, bool has_request) {
   if (has_request) {
     throw InputError("--floor can't be combined with constraints, costs or earlier trials");
   }
-}
-
-// The design as a page, and as a table instead of the report where that is asked for; true if so.
-bool show(const SolveArguments& arguments, const InformationSet& set, const Design& design,
-          const SolveReport& report, const DesignOutput& shown) {
-  if (shown.has_page()) {
-    shown.write_page(solve_story(set, design, report), {{arguments.set.path, "information set"}});
-  }
-  if (shown.has_table()) shown.print_table(set, design_schedule(set, design.weights));
-  return shown.has_table();
 }
 
 int solve(const SolveArguments& arguments, Invocation& invocation) {
@@ -227,12 +222,20 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
   report.problem_hash = set.content_hash();
+  const bool has_design = has_answer(solution) && !solution.design.weights.empty();
+  FilesTogether files;
   if (!arguments.trace.empty()) write_trace(arguments.trace, solution.trace);
   if (!arguments.output.empty() && has_answer(solution)) {
     write_design(arguments.output, set, solution.design, report);
   }
-  const bool has_design = has_answer(solution) && !solution.design.weights.empty();
-  if (!has_design || !show(arguments, set, solution.design, report, shown)) {
+  if (has_design && shown.has_page()) {
+    shown.write_page(solve_story(set, solution.design, report),
+                     {{arguments.set.path, "information set"}});
+  }
+  files.commit();
+  if (has_design && shown.has_table()) {
+    shown.print_table(set, design_schedule(set, solution.design.weights));
+  } else {
     print(arguments, read, solution, report);
     if (has_design && !arguments.json) shown.say_page();
   }

@@ -234,7 +234,11 @@ int make_page(const PageArguments& arguments, const Invocation& invocation) {
   note_input(file.string());
   const bench::StudyRows rows = bench::read_rows(file);
   if (rows.runs.empty()) {
-    throw InputError(fmt::format("{}: holds no run of a study", file.string()));
+    throw InputError(rows.unreadable == 0
+                         ? fmt::format("{}: holds no run of a study", file.string())
+                         : fmt::format("{}: holds no run of a study; {} of its lines are no rows "
+                                       "(the first: line {})",
+                                       file.string(), rows.unreadable, rows.first_unreadable));
   }
   const std::filesystem::path folder = file.parent_path();
   const std::string output =
@@ -242,6 +246,9 @@ int make_page(const PageArguments& arguments, const Invocation& invocation) {
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   write_page(rows, folder, output, seconds.count(), invocation);
   fmt::print("wrote {}\n", output);
+  if (const std::string note = unreadable_note(rows, file.string()); !note.empty()) {
+    fmt::print("note: {}\n", note);
+  }
   return kDone;
 }
 

@@ -21,6 +21,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "problems/robot_information/robot_space.hpp"
@@ -365,6 +366,7 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
     }
   } catch (const Stopped&) {  // the grids and samples so far
   }
+  FilesTogether files;
   if (!arguments.set.empty()) write_information_set(arguments.set, designed.set);
   if (!arguments.output.empty()) {
     write_design(arguments.output, designed.set, designed.design, outcome.report);
@@ -376,6 +378,7 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
     write_text_file(arguments.tables + "_refinement.csv", refinement_table(outcome));
     write_text_file(arguments.tables + "_sensitivity.csv", sensitivity_table(outcome));
   }
+  files.commit();
   if (arguments.json) {
     fmt::print("{}\n", to_json(outcome).dump());
   } else {

@@ -15,6 +15,7 @@
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/discrimination/discrimination_problem.hpp"
@@ -104,10 +105,12 @@ int discriminate(const DiscriminateArguments& arguments) {
   SolveReport report = judge(problem.set, ColumnGeneration().name(), options, solution);
   report.problem_hash = problem.set.content_hash();
   const std::vector<double> reached = misfits(problem, solution.design);
+  FilesTogether files;
   if (!arguments.set.empty()) write_information_set(arguments.set, problem.set);
   if (!arguments.output.empty()) {
     write_design(arguments.output, problem.set, solution.design, report);
   }
+  files.commit();
   if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["rivals"] = rivals_json(problem, reached, best);

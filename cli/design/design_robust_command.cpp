@@ -21,6 +21,7 @@
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -251,6 +252,7 @@ int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
 
   const std::vector<double> efficiency = efficiencies(proof, optima, problem.first().dimension());
   const Json objective = objective_entry(arguments, samples, optima, proof, efficiency);
+  FilesTogether files;
   if (!arguments.output.empty()) {
     write(arguments.output, problem.first(), design, report, objective);
   }
@@ -260,6 +262,7 @@ int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
                                   arguments.objective),
                      files_of(arguments));
   }
+  files.commit();
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;
@@ -314,6 +317,7 @@ int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
                        {"concentration", proof.concentration},
                        {"price", proof.price}};
   const bool has_design = solution.status != SolveStatus::kUnsupported;
+  FilesTogether files;
   if (!arguments.output.empty() && has_design) {
     write(arguments.output, set, solution.design, report, objective, {.concentration = limit});
   }
@@ -325,6 +329,7 @@ int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
         "candidates stand above it is what the limit costs.";
     shown.write_page(std::move(story), files_of(arguments));
   }
+  files.commit();
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;

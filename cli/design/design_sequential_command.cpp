@@ -18,6 +18,7 @@
 #include "diagnosis/studies/sequential_design.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -147,8 +148,10 @@ int design_sequential(const SequentialArguments& arguments, Invocation& invocati
   const PositionTable positions = load_positions(arguments.robot, robot);
   const std::vector<StageRecord> records = run(robot, positions, arguments.options);
   const std::vector<StageSummary> summaries = summarise(records);
+  FilesTogether files;
   if (!arguments.output.empty()) write_text_file(arguments.output, record_table(records, robot));
   if (!arguments.summary.empty()) write_text_file(arguments.summary, summary_table(summaries));
+  files.commit();
   const std::size_t finished = summaries.empty() ? 0 : summaries.front().repetitions;
   if (arguments.json) {
     fmt::print("{}\n", to_json(arguments, finished, summaries).dump());

@@ -17,6 +17,7 @@
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/robot_information/robot_spectrum_information.hpp"
 #include "solvers/blocks/block_limited_certificate.hpp"
 #include "solvers/report/design_file.hpp"
@@ -123,6 +124,7 @@ SolveReport report_of(const SpectrumArguments& arguments, const SpectrumProblem&
 
 void write_files(const SpectrumArguments& arguments, const SpectrumProblem& problem,
                  const std::vector<ComparedDesign>& rows, const SolveReport& report) {
+  FilesTogether files;
   if (!arguments.output.empty()) {
     const double limit = rows.front().of.limit;
     DesignLimits limits;
@@ -139,6 +141,7 @@ void write_files(const SpectrumArguments& arguments, const SpectrumProblem& prob
                     robustness_csv(problem.robot, problem.positions, problem.blocks, rows,
                                    arguments.samples, arguments.options.threads));
   }
+  files.commit();
 }
 
 void print(const SpectrumArguments& arguments, const SpectrumProblem& problem,

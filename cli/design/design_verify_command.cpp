@@ -18,6 +18,7 @@
 #include "bench/pin_threads.hpp"
 #include "bench/study/row_file.hpp"
 #include "cli/arguments/robot_arguments.hpp"
+#include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -552,6 +553,7 @@ void add_design_verify_command(CLI::App& design, Invocation& invocation) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output, "folder for rows and tables");
+  add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Beside the design: the best single position and random positions, with as many "

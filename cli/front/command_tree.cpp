@@ -61,6 +61,25 @@ bool is_of_words(const std::string& option) {
   return std::ranges::find(kWords, option) != std::end(kWords);
 }
 
+CommandNode node_of(const CLI::App& app, const std::string& path) {
+  CommandNode node;
+  node.name = app.get_name();
+  node.description = app.get_description();
+  node.path = path;
+  for (const CLI::Option* option : app.get_options()) {
+    if (option->get_group().empty()) continue;
+    auto& list = option->get_positional() ? node.positionals : node.options;
+    list.push_back(option_node(*option));
+  }
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (command->get_group().empty()) continue;
+    node.commands.push_back(node_of(*command, path + " " + command->get_name()));
+  }
+  return node;
+}
+
+}  // namespace
+
 OptionNode option_node(const CLI::Option& option) {
   OptionNode node;
   for (const std::string& name : option.get_snames()) node.names.push_back("-" + name);
@@ -80,25 +99,6 @@ OptionNode option_node(const CLI::Option& option) {
   }
   return node;
 }
-
-CommandNode node_of(const CLI::App& app, const std::string& path) {
-  CommandNode node;
-  node.name = app.get_name();
-  node.description = app.get_description();
-  node.path = path;
-  for (const CLI::Option* option : app.get_options()) {
-    if (option->get_group().empty()) continue;
-    auto& list = option->get_positional() ? node.positionals : node.options;
-    list.push_back(option_node(*option));
-  }
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
-    if (command->get_group().empty()) continue;
-    node.commands.push_back(node_of(*command, path + " " + command->get_name()));
-  }
-  return node;
-}
-
-}  // namespace
 
 CommandNode command_tree(const CLI::App& app) { return node_of(app, ""); }
 

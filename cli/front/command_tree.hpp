@@ -34,6 +34,8 @@ struct CommandNode {
   std::vector<CommandNode> commands;
 };
 
+[[nodiscard]] OptionNode option_node(const CLI::Option& option);
+
 // Without what is not for users (commands of no group).
 [[nodiscard]] CommandNode command_tree(const CLI::App& app);
 

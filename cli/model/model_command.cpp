@@ -39,6 +39,29 @@ std::string for_shell(const std::string& word) {
   return is_plain && !word.empty() ? word : "'" + word + "'";
 }
 
+// Throws InputError for an option that would change nothing, with or without a URDF.
+void require_applicable(const Arguments& arguments, const ProposalRequest& request) {
+  const bool is_robot = !request.urdf.empty();
+  struct Rule {
+    bool is_given, needs_robot;
+    const char* text;
+  };
+  for (const Rule& rule :
+       {Rule{arguments.one_mass || arguments.two_masses, false,
+             "--one-mass and --two-masses: not beside a URDF, which says what moves"},
+        Rule{arguments.linear || arguments.rotary, false,
+             "--linear and --rotary: not beside a URDF, which says how its joints move"},
+        Rule{request.counts_per_turn.has_value(), false,
+             "--counts-per-turn: not beside a URDF: state positions in rad or deg"},
+        Rule{request.gain.has_value(), false,
+             "--gain: not beside a URDF: each drive's gain is estimated, or stands in "
+             "campaign.yaml"},
+        Rule{!request.base.empty(), true, "--base: names a link of a URDF, and none is given"},
+        Rule{!request.tip.empty(), true, "--tip: names a link of a URDF, and none is given"}}) {
+    if (rule.is_given && rule.needs_robot != is_robot) throw InputError(rule.text);
+  }
+}
+
 ProposalRequest request_of(const Arguments& arguments) {
   ProposalRequest request = arguments.request;
   request.command = "graybox model";
@@ -57,12 +80,8 @@ ProposalRequest request_of(const Arguments& arguments) {
   if (arguments.rotary) request.motion = MotionKind::kRotary;
   if (arguments.one_mass) request.machine = ProposedMachine::kOneMass;
   if (arguments.two_masses) request.machine = ProposedMachine::kTwoMasses;
-  if (!request.urdf.empty()) {
-    if (arguments.one_mass || arguments.two_masses) {
-      throw InputError("--one-mass and --two-masses: not beside a URDF, which says what moves");
-    }
-    request.machine = ProposedMachine::kRobot;
-  }
+  require_applicable(arguments, request);
+  if (!request.urdf.empty()) request.machine = ProposedMachine::kRobot;
   if (request.logs.empty()) {
     throw InputError(fmt::format("{}: give a log beside the URDF: graybox model {} LOG.csv",
                                  request.urdf.string(), request.urdf.string()));
@@ -171,9 +190,11 @@ void add_options(CLI::App& command, Arguments& arguments) {
       .add_option("files", arguments.files,
                   "logs (CSV, MAT, HDF5, ...), for a robot its URDF first")
       ->required();
-  command.add_flag("--one-mass", arguments.one_mass, "one mass (unless the log shows two)");
-  command.add_flag("--two-masses", arguments.two_masses,
-                   "two masses and a spring; one or two sensors");
+  auto* one =
+      command.add_flag("--one-mass", arguments.one_mass, "one mass (unless the log shows two)");
+  command
+      .add_flag("--two-masses", arguments.two_masses, "two masses and a spring; one or two sensors")
+      ->excludes(one);
   command.add_option("-o,--output", arguments.folder, "folder for model.yaml and campaign.yaml")
       ->capture_default_str();
   command

@@ -26,33 +26,6 @@ std::string seconds_text(double seconds) {
   return seconds < 1.0 ? fmt::format("{:.3g} ms", 1e3 * seconds) : fmt::format("{:.3g} s", seconds);
 }
 
-// What criterion_value is.
-const char* name_of_value(CriterionKind kind) {
-  switch (kind) {
-    case CriterionKind::kD:
-      return "log det M";
-    case CriterionKind::kDs:
-      return "log det S";
-    case CriterionKind::kA:
-      return "tr M^-1";
-    case CriterionKind::kL:
-      return "tr W M^-1";
-    case CriterionKind::kE:
-      return "lambda_min M";
-    case CriterionKind::kC:
-      return "variance";
-    case CriterionKind::kI:
-      return "mean variance";
-    case CriterionKind::kPhiP:
-      return "phi_p";
-    case CriterionKind::kG:
-      return "largest var.";
-    case CriterionKind::kCompound:
-      return "log Phi";
-  }
-  return "";
-}
-
 // The criterion's value, and how far from the best it can be.
 std::string value_text(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
@@ -78,6 +51,32 @@ std::string counted(std::size_t count, const char* noun) {
 }
 
 }  // namespace
+
+const char* name_of_value(CriterionKind kind) {
+  switch (kind) {
+    case CriterionKind::kD:
+      return "log det M";
+    case CriterionKind::kDs:
+      return "log det S";
+    case CriterionKind::kA:
+      return "tr M^-1";
+    case CriterionKind::kL:
+      return "tr W M^-1";
+    case CriterionKind::kE:
+      return "lambda_min M";
+    case CriterionKind::kC:
+      return "variance";
+    case CriterionKind::kI:
+      return "mean variance";
+    case CriterionKind::kPhiP:
+      return "phi_p";
+    case CriterionKind::kG:
+      return "largest var.";
+    case CriterionKind::kCompound:
+      return "log Phi";
+  }
+  return "";
+}
 
 std::string describe(const InformationSet& set) {
   return fmt::format("{}, {}, {}", counted(set.candidate_count(), "candidate"),

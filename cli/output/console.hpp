@@ -11,6 +11,9 @@
 
 namespace graybox::cli {
 
+// What criterion_value is: "tr M^-1".
+[[nodiscard]] const char* name_of_value(CriterionKind kind);
+
 // "7920 candidates, 12 parameters, 4.9 MB".
 [[nodiscard]] std::string describe(const InformationSet& set);
 

@@ -86,9 +86,12 @@ std::string describe_constrained_exact(const InformationSet& set,
     const Certificate& certificate = report.share.report.certificate;
     text += fmt::format("  log det M     {:.10g}{}\n", certificate.log_det,
                         report.share.constraints.prior.empty() ? "" : ", earlier trials included");
+    const CriterionKind kind = report.share.report.options.criterion.kind();
+    if (kind != CriterionKind::kD) {
+      text += fmt::format("  {:<12}  {:.10g}\n", name_of_value(kind), certificate.criterion_value);
+    }
     text += fmt::format("  {}-efficiency  at least {:.8f} of the best exact design\n",
-                        to_string(report.share.report.options.criterion.kind()),
-                        report.proven_efficiency);
+                        to_string(kind), report.proven_efficiency);
   }
   text += fmt::format("  work          {} nodes ({} open), {} of {} candidates left, {:.3g} s\n",
                       solution.nodes, solution.open_nodes, solution.survivors,

@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kPatienceMicroseconds = 700'000;
 constexpr double kReadingPatience = 0.5;  // s
+constexpr double kLongestWait = 1e8;      // s: steady_clock counts nanoseconds
 
 void say(std::string_view line) {
   [[maybe_unused]] const auto written = write(STDERR_FILENO, line.data(), line.size());
@@ -78,6 +79,17 @@ void catch_interrupts(OnStop on_stop) {
 
 bool interrupted() { return stop_was_asked_for(); }
 
+void limit_command(double seconds, OnStop on_stop) {
+  limit_process(seconds);
+  if (on_stop == OnStop::kHandsOver) return;
+  std::thread([seconds] {
+    std::this_thread::sleep_for(
+        std::chrono::duration<double>(std::fmin(seconds, kLongestWait) + kReadingPatience));
+    say(fmt::format("graybox: the time limit of {} s passed before the end\n", seconds));
+    std::_Exit(kShort);
+  }).detach();
+}
+
 ReadingLimit::ReadingLimit(double seconds, std::string what)
     : seconds_(seconds), what_(std::move(what)) {
   if (!(seconds > 0.0)) {
@@ -89,8 +101,7 @@ ReadingLimit::ReadingLimit(double seconds, std::string what)
 }
 
 void ReadingLimit::watch() {
-  constexpr double kLongest = 1e8;  // s: steady_clock counts nanoseconds
-  const std::chrono::duration<double> wait(std::fmin(seconds_ + kReadingPatience, kLongest));
+  const std::chrono::duration<double> wait(std::fmin(seconds_ + kReadingPatience, kLongestWait));
   std::unique_lock lock(guard_);
   if (end_.wait_for(lock, wait, [&] { return done_; })) return;
   say(fmt::format("graybox: the time limit of {} s passed while {} was read; nothing was done\n",

@@ -16,6 +16,7 @@ enum class OnStop {
   kHandsOver,     // the work asks stop.hpp, and the command then hands over what it has
   kLosesNothing,  // all that was done is on disk, or nothing would be handed over: where the work
                   // does not end in time by itself, the program ends
+  kHandsOverInTime,  // of a time limit: what was found, if that takes no longer than half a second
 };
 
 // From now on the first signal is answered in words, and ends the program as it would without. A
@@ -25,6 +26,10 @@ void answer_interrupts();
 // From now on the first signal stops the work.
 void catch_interrupts(OnStop on_stop = OnStop::kHandsOver);
 [[nodiscard]] bool interrupted();
+
+// --time-limit of a whole command, from here on: its work is to stop. One that hands nothing over
+// ends half a second later where it has not ended by itself, with one line and exit code 1.
+void limit_command(double seconds, OnStop on_stop);
 
 // --time-limit, from here on, reading included. While the object lives nothing is there to hand
 // over: half a second after the limit the program ends with one line and exit code 1. What follows

@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "problems/base/packed_matrix.hpp"
 #include "solvers/core/sensitivity.hpp"
@@ -65,6 +66,30 @@ MatrixXd power_gradient(const MatrixXd& information, double p) {
   return spectrum.eigenvectors() * values.asDiagonal() * spectrum.eigenvectors().transpose();
 }
 
+// G over a region, by the weights mu of its points: with W = sum_j mu_j J_j^T J_j / sum_j mu_j,
+// t = tr M^-1 W and g = max_j tr J_j M^-1 J_j^T it is g M^-1 W M^-1 / t^2. Empty without weights.
+MatrixXd region_gradient(const MatrixXd& inverse, const std::vector<double>& weights,
+                         const PredictionRegion& region) {
+  if (weights.size() != region.count()) return {};
+  const std::span<const double> rows = region.rows();
+  const Index d = inverse.rows();
+  const Eigen::Map<const MatrixXd> all(rows.data(), d, static_cast<Index>(rows.size()) / d);
+  MatrixXd second = MatrixXd::Zero(d, d);
+  double largest = 0.0, mass = 0.0;
+  Index column = 0;
+  for (std::size_t j = 0; j < weights.size(); ++j) {
+    const auto width = static_cast<Index>(region.row_counts()[j]);
+    const auto point = all.middleCols(column, width);
+    column += width;
+    largest = std::max(largest, (point.transpose() * inverse * point).trace());
+    mass += weights[j];
+    second += weights[j] * point * point.transpose();
+  }
+  const double trace = (inverse * second).trace();
+  if (!(mass > 0.0) || !(trace > 0.0)) return {};
+  return mass * largest * inverse * second * inverse / (trace * trace);
+}
+
 MatrixXd gradient_of(const MatrixXd& information, const Design& design, const Criterion& criterion);
 
 // The sum of those of the parts, by their shares; empty where one has none.
@@ -104,9 +129,10 @@ MatrixXd gradient_of(const MatrixXd& information, const Design& design,
       return power_gradient(information, criterion.p());
     case CriterionKind::kCompound:
       return compound_gradient(information, design, criterion);
-    case CriterionKind::
-        kG:  // over the candidates it is D; a region's points have weights of theirs
-      return criterion.is_solved_as_d() ? MatrixXd(inverse / static_cast<double>(d)) : MatrixXd();
+    case CriterionKind::kG:  // over the candidates it is D
+      return criterion.is_solved_as_d()
+                 ? MatrixXd(inverse / static_cast<double>(d))
+                 : region_gradient(inverse, design.dual_weights, criterion.region());
     case CriterionKind::kE:
       break;
   }
@@ -221,6 +247,11 @@ std::vector<DesignFact> facts_of(const ConstrainedExactReport& report) {
   facts.push_back({"experiments", fmt::format("{:.0f}", report.share.experiments()),
                    "So many are run in all, repetitions counted."});
   add_log_det(share.certificate.log_det, std::nan(""), facts);
+  const std::string kind(to_string(share.options.criterion.kind()));
+  if (share.options.criterion.kind() != CriterionKind::kD) {
+    facts.push_back({"criterion " + kind, fmt::format("{:.8g}", share.certificate.criterion_value),
+                     "The value of the criterion that was asked for."});
+  }
   return facts;
 }
 

@@ -221,6 +221,15 @@ void add_bars(const DesignStory& story, ReportPage& page) {
                                                          : std::string("chosen"));
 }
 
+// What is missing is said.
+PageSection section_without_picture() {
+  PageSection section{.id = "certificate", .title = "The proof"};
+  section.paragraphs = {
+      "There is no picture of the proof: this design does not carry what its sensitivities are "
+      "computed from. The numbers above are those of the checker."};
+  return section;
+}
+
 }  // namespace
 
 ComparisonPlot certificate_plot(const DesignStory& story) {
@@ -279,6 +288,7 @@ std::string design_page(const DesignStory& story, const PageOrigin& origin) {
   page.sections.push_back(design_section(story));
   if (!story.facts.empty()) page.sections.push_back(numbers_section(story));
   if (!story.sensitivities.empty()) page.sections.push_back(certificate_section(story, page));
+  if (story.sensitivities.empty()) page.sections.push_back(section_without_picture());
   if (!story.standard_errors.empty()) page.sections.push_back(parameters_section(story));
   if (story.robot != nullptr) page.sections.push_back(poses_section(story, page));
   return html_page(page);

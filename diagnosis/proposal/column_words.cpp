@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
-#include <initializer_list>
 #include <regex>
 #include <span>
 #include <utility>
@@ -218,9 +217,30 @@ constexpr auto kLetters = std::to_array<QuantityWord>({
     {"cmd", LogQuantity::kCommand},
 });
 
+// How a signal came to be, and where in the machine it is.
+using Word = std::string_view;
+constexpr auto kReferenceWords =
+    std::to_array<Word>({"ref", "refx", "reference", "des", "desired", "target", "set", "setpoint",
+                         "sp", "goal", "cmd", "command", "commanded", "demand", "soll", "planned"});
+constexpr auto kMeasuredWords = std::to_array<Word>(
+    {"meas", "measured", "act", "actual", "adx", "ad", "fb", "fbk", "feedback", "ist", "sensor"});
+constexpr auto kFilteredWords = std::to_array<Word>({"filt", "filtered", "smooth", "lp"});
+constexpr auto kLoadWords =
+    std::to_array<Word>({"load", "link", "arm", "out", "output", "last", "abtrieb"});
+constexpr auto kMotorWords = std::to_array<Word>({"motor", "mot", "rotor", "drive", "antrieb"});
+constexpr auto kLinearWords = std::to_array<Word>({"carriage", "cart", "slide", "linear"});
+// Others that stand in brackets and are no unit.
+constexpr auto kNoteWords = std::to_array<Word>(
+    {"axis",  "axes",       "achse",  "joint",      "gelenk", "channel",  "ch",
+     "no",    "nr",         "number", "side",       "left",   "right",    "upper",
+     "lower", "front",      "rear",   "x",          "y",      "z",        "st",
+     "nd",    "rd",         "th",     "calculated", "calc",   "computed", "estimated",
+     "est",   "unfiltered", "robot",  "encoder",    "signal", "sim",      "simulated",
+     "none",  "unknown",    "na",     "total",      "sum",    "mean",     "average"});
+
 using Words = std::vector<std::string>;
 
-bool any_of(const Words& words, std::initializer_list<std::string_view> list) {
+bool has_any(const Words& words, std::span<const std::string_view> list) {
   return std::ranges::any_of(
       words, [&](const std::string& word) { return std::ranges::find(list, word) != list.end(); });
 }
@@ -325,6 +345,22 @@ std::string unit_letter(const std::string& letter, const ColumnWords& words) {
   return letter == "s" && quantity == LogQuantity::kTime ? "s" : "";
 }
 
+// Which of several signals it is, or a remark: no unit. In square brackets a remark is rare.
+bool is_note(const std::string& inside, bool is_square) {
+  const Words words = words_of(inside);
+  constexpr std::size_t kLongestUnit = 2;  // words in round brackets
+  if (words.empty() || (!is_square && words.size() > kLongestUnit)) return true;
+  return std::ranges::all_of(words, [&](const std::string& word) {
+    const Words one{word};
+    const auto names = [&](const QuantityWord& row) { return row.word == word; };
+    return std::isdigit(static_cast<unsigned char>(word[0])) != 0 ||
+           std::ranges::any_of(kQuantityWords, names) || std::ranges::any_of(kLetters, names) ||
+           has_any(one, kReferenceWords) || has_any(one, kMeasuredWords) ||
+           has_any(one, kFilteredWords) || has_any(one, kLoadWords) || has_any(one, kMotorWords) ||
+           has_any(one, kLinearWords) || has_any(one, kNoteWords) || (!is_square && word == "raw");
+  });
+}
+
 // "10 LSB", but not "2nd axis": a number and then letters that are no ending of it.
 bool begins_as_factor(const std::string& text) {
   static const std::regex kFactor(R"(^\s*[xX*]?\s*[0-9.]+\s*(?!st\b|nd\b|rd\b|th\b)[A-Za-z].*$)");
@@ -344,7 +380,10 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
       return std::isdigit(c);
     });
     const bool is_index = is_number && inside.size() < 4;
-    if (unit.unit.empty() && !is_index && !begins_as_factor(inside)) continue;
+    if (unit.unit.empty() && !is_index && !begins_as_factor(inside) &&
+        is_note(inside, open == '[')) {
+      continue;
+    }
     if (is_index) {
       result.index = std::stoi(inside);
     } else if (unit.unit.empty()) {
@@ -352,6 +391,7 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
     } else {
       result.unit = unit.unit;
       result.unit_factor = unit.factor;
+      result.odd_unit.clear();
     }
     text.erase(first, last - first + 1);
   }
@@ -463,18 +503,12 @@ void let_unit_decide(const Words& words, ColumnWords& result) {
 }
 
 void read_manner(const Words& words, ColumnWords& result) {
-  result.is_reference =
-      any_of(words, {"ref", "refx", "reference", "des", "desired", "target", "set", "setpoint",
-                     "sp", "goal", "cmd", "command", "commanded", "demand", "soll", "planned"});
-  result.is_measured = any_of(words, {"meas", "measured", "act", "actual", "adx", "ad", "fb", "fbk",
-                                      "feedback", "ist", "sensor"});
-  result.is_filtered = any_of(words, {"filt", "filtered", "smooth", "lp"});
-  if (any_of(words, {"load", "link", "arm", "out", "output", "last", "abtrieb"})) {
-    result.side = DriveSide::kLoad;
-  }
-  if (any_of(words, {"motor", "mot", "rotor", "drive", "antrieb"})) result.side = DriveSide::kMotor;
-  if (result.motion == MotionKind::kOpen &&
-      any_of(words, {"carriage", "cart", "slide", "linear"})) {
+  result.is_reference = has_any(words, kReferenceWords);
+  result.is_measured = has_any(words, kMeasuredWords);
+  result.is_filtered = has_any(words, kFilteredWords);
+  if (has_any(words, kLoadWords)) result.side = DriveSide::kLoad;
+  if (has_any(words, kMotorWords)) result.side = DriveSide::kMotor;
+  if (result.motion == MotionKind::kOpen && has_any(words, kLinearWords)) {
     result.motion = MotionKind::kLinear;
   }
 }
@@ -538,6 +572,17 @@ MotionKind motion_of_unit(std::string_view unit) {
   return is_linear ? MotionKind::kLinear : MotionKind::kOpen;
 }
 
+std::string known_units_of(LogQuantity quantity) {
+  const bool is_any = quantity == LogQuantity::kCommand || quantity == LogQuantity::kUnknown;
+  std::string names;
+  for (const Unit& unit : known_units()) {
+    if (!is_any && quantity_of_unit(unit.name) != quantity) continue;
+    if (!names.empty()) names += ", ";
+    names += unit.name;
+  }
+  return names;
+}
+
 const char* name_of(LogQuantity quantity) {
   switch (quantity) {
     case LogQuantity::kTime:
@@ -569,6 +614,9 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
   const WrittenUnit stated = written_unit(stated_unit);
   result.unit = stated.unit;
   result.unit_factor = stated.factor;
+  if (stated.unit.empty() && !is_note(std::string(stated_unit), true)) {
+    result.odd_unit = trimmed(stated_unit);
+  }
   Words written = words_as_written(without_brackets(spelled_out(title), result));
   Words words = in_lower_case(written);
   take_unit_words(words, result);

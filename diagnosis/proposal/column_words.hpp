@@ -6,8 +6,9 @@
 // is read the same way where a title has no quantity ("Joint_1" in pos_read_data.csv).
 //
 // A factor in a unit ("0.1 deg", "x10 mA", "deg/10") is kept beside it. A unit that the quantity
-// can't have (a torque in mN), and one in brackets that begins with a number and can't be read, is
-// none: it is told by itself, to be asked about.
+// can't have (a torque in mN), and what stands in brackets and is no unit that is known ("torque
+// [furlong]"), is none: it is told by itself, to be asked about. Words that say which of several
+// signals it is are no unit ("position (motor)", "q [filtered]"), nor is a remark of some length.
 //
 //   read_column_words("i_A", "").quantity            // LogQuantity::kCurrent, unit "A"
 //   read_column_words("speed", "rpm").motion         // MotionKind::kRotary
@@ -68,6 +69,8 @@ struct WrittenUnit {
 // What a unit is of; kUnknown for "1" and others that may be anything.
 [[nodiscard]] LogQuantity quantity_of_unit(std::string_view unit);
 [[nodiscard]] MotionKind motion_of_unit(std::string_view unit);
+// Names of the units that a quantity can have, "N, kN, ..."; of all for kCommand and kUnknown.
+[[nodiscard]] std::string known_units_of(LogQuantity quantity);
 
 // "position", "velocity", ... as in `--column NAME=position`.
 [[nodiscard]] const char* name_of(LogQuantity quantity);

@@ -14,6 +14,7 @@
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
+#include "problems/files/text_lines.hpp"
 
 namespace graybox {
 namespace {
@@ -68,6 +69,7 @@ LogFile read_log(const std::filesystem::path& path) {
     log.columns.push_back(
         {0, column.name, column.unit, words, words.unit_factor * column.values, false, ""});
     log.columns.back().number = column.number;
+    log.columns.back().file_name = path.filename().string();
   }
   log.remarks = std::move(file.remarks);
   return log;
@@ -171,8 +173,8 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
     column.words.sure = true;
     column.words.is_reference = false;
     if (*place > 0) column.words.index = *place;
-    column.words.odd_unit.clear();
     if (!answer.unit.empty()) {
+      column.words.odd_unit.clear();
       column.values *= answer.unit_factor / column.words.unit_factor;
       column.words.unit_factor = answer.unit_factor;
       column.words.unit = answer.unit;
@@ -205,6 +207,77 @@ void mark_differences(std::vector<LogRecording>& recordings) {
   }
 }
 
+// Equal bit for bit, gaps included.
+bool is_same_value(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+// Whether the shorter column is the part of the longer that begins at `from`.
+bool is_part(const Eigen::VectorXd& shorter, const Eigen::VectorXd& longer, Eigen::Index from) {
+  constexpr Eigen::Index kProbes = 16;  // a look at a few values first: most places fail there
+  const Eigen::Index count = shorter.size();
+  for (Eigen::Index k = 0; k < kProbes; ++k) {
+    const Eigen::Index at = k * (count - 1) / (kProbes - 1);
+    if (!is_same_value(shorter(at), longer(from + at))) return false;
+  }
+  for (Eigen::Index k = 0; k < count; ++k) {
+    if (!is_same_value(shorter(k), longer(from + k))) return false;
+  }
+  return true;
+}
+
+// Whether all columns but the time are those of the other log, from one row on.
+bool is_contained(const LogFile& shorter, const LogFile& longer) {
+  const std::set<std::string> names = names_but_time(shorter);
+  if (names.empty() || names != names_but_time(longer)) return false;
+  const bool are_other_quantities =
+      shorter.words.sure && longer.words.sure && shorter.words.quantity != longer.words.quantity;
+  if (are_other_quantities) return false;  // by the names of the files
+  std::vector<std::pair<const Eigen::VectorXd*, const Eigen::VectorXd*>> pairs;
+  for (const LogColumn& column : shorter.columns) {
+    if (!names.contains(column.name)) continue;
+    const auto same = std::ranges::find(longer.columns, column.name, &LogColumn::name);
+    pairs.emplace_back(&column.values, &same->values);
+  }
+  // Those that move tell places apart.
+  std::ranges::sort(pairs, {}, [](const auto& pair) {
+    return (pair.first->array() == (*pair.first)(0)).all() ? 1 : 0;
+  });
+  for (Eigen::Index from = 0; from <= longer.samples() - shorter.samples(); ++from) {
+    if (std::ranges::all_of(
+            pairs, [&](const auto& pair) { return is_part(*pair.first, *pair.second, from); })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+// Logs that another one holds leave; of equal ones the first stays.
+void leave_out_copies(std::vector<LogFile>& logs, std::vector<std::string>* remarks) {
+  const auto name = [](const LogFile& log) { return log.path.filename().string(); };
+  const auto original_of = [&logs](std::size_t k) -> const LogFile* {
+    for (std::size_t j = 0; j < logs.size(); ++j) {
+      const bool comes_first = logs[j].samples() > logs[k].samples() ||
+                               (logs[j].samples() == logs[k].samples() && j < k);
+      if (comes_first && is_contained(logs[k], logs[j])) return &logs[j];
+    }
+    return nullptr;
+  };
+  std::vector<std::size_t> kept;
+  for (std::size_t k = 0; k < logs.size(); ++k) {
+    const LogFile* original = original_of(k);
+    if (original == nullptr) {
+      kept.push_back(k);
+    } else if (remarks != nullptr) {
+      remarks->push_back(
+          fmt::format("{} is left out: it holds the same values as {}{}, and would check nothing",
+                      name(logs[k]), original->samples() > logs[k].samples() ? "a part of " : "",
+                      name(*original)));
+    }
+  }
+  std::vector<LogFile> different;
+  for (const std::size_t k : kept) different.push_back(std::move(logs[k]));
+  logs = std::move(different);
+}
+
 // The files with enough samples. Throws InputError where there is none.
 std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
                                std::vector<std::string>* remarks) {
@@ -228,6 +301,7 @@ std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
     throw InputError(fmt::format("{}: a recording needs {} samples at least; give a longer log",
                                  first_short.string(), kFewestSamples));
   }
+  leave_out_copies(logs, remarks);
   return logs;
 }
 
@@ -291,9 +365,11 @@ ColumnAnswer column_answer(const std::string& text) {
     rest.resize(at);
   }
   if (const std::size_t colon = rest.find(':'); colon != std::string::npos) {
-    const WrittenUnit written = written_unit(rest.substr(colon + 1));
+    const std::string_view text_of_unit = trimmed(std::string_view(rest).substr(colon + 1));
+    const bool is_reversed = text_of_unit.starts_with('-') && text_of_unit.size() > 1;
+    const WrittenUnit written = written_unit(text_of_unit.substr(is_reversed ? 1 : 0));
     answer.unit = written.unit;
-    answer.unit_factor = written.factor;
+    answer.unit_factor = is_reversed ? -written.factor : written.factor;
     if (answer.unit.empty()) {
       throw InputError(fmt::format("--column {}: unknown unit '{}'; known: {}", text,
                                    rest.substr(colon + 1), known_unit_names()));

@@ -31,6 +31,7 @@ struct LogColumn {
   std::string evidence = {};          // what the data said of it, where its title says nothing
   bool differs_between_logs = false;  // one value in each log, not the same in all
   std::string number = {};            // "3", which names it, too, where names stood in a comment
+  std::string file_name = {};         // for messages
 
   [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
@@ -57,14 +58,15 @@ struct ColumnAnswer {
   LogQuantity quantity = LogQuantity::kUnknown;
   std::string unit;
   std::string joint = {};
-  double unit_factor = 1.0;  // of "0.1 deg"
+  double unit_factor = 1.0;  // of "0.1 deg"; -1 of "-deg", a sensor that counts the other way
 };
 // Throws InputError for a text that is none.
 [[nodiscard]] ColumnAnswer column_answer(const std::string& text);
 
 // Throws InputError for files that can't be read, for an answer about a column that is not there,
 // and where all recordings have less than 50 samples. Beside longer ones these are left out, with a
-// sentence each in `remarks`.
+// sentence each in `remarks`. So is a log whose values are those of another, or a part of them,
+// whatever the files are called: kept out of a fit it would check nothing.
 [[nodiscard]] std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& files,
                                                   const std::vector<ColumnAnswer>& answers,
                                                   std::vector<std::string>* remarks = nullptr);

@@ -82,6 +82,8 @@ std::string unit_of_step(double step) {
 }
 
 void find_unit_of_time(const LogRecording& recording, const LogColumn& column, LogTime& time) {
+  time.odd_unit = column.words.odd_unit;
+  if (!time.odd_unit.empty()) return;
   if (quantity_of_unit(column.words.unit) == LogQuantity::kTime) {
     time.unit = column.words.unit;
     time.why = column.answered ? "you said so" : "its title";
@@ -110,6 +112,16 @@ double LogTime::seconds() const {
   return known == nullptr ? 0.0 : known->factor;
 }
 
+std::string LogTime::question() const {
+  if (odd_unit.empty()) {
+    return fmt::format("Which unit has '{}', with steps of {:g}?", column, median_step);
+  }
+  return fmt::format(
+      "{}: column '{}': '{}' is no unit of a time that is known ({}): which unit have its steps of "
+      "{:g}?",
+      file_name, column, odd_unit, known_units_of(LogQuantity::kTime), median_step);
+}
+
 double rounded_step(double step) {
   for (int digits = 1; digits < 8; ++digits) {
     const double rounded = std::stod(fmt::format("{:.{}g}", step, digits));
@@ -118,39 +130,87 @@ double rounded_step(double step) {
   return step;
 }
 
-LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
-  LogTime time;
-  const LogColumn* column = stated ? nullptr : time_column(recording);
-  if (column == nullptr) {
-    if (stated || recording.sample_time) {
-      time.sample_time = stated ? *stated : *recording.sample_time;
-      time.why = stated ? "you said so" : "the file states it";
+namespace {
+
+// The stamps beside a sample time that was stated: it tells their unit where no title does. Throws
+// InputError where neither their mean step nor their median is that sample time.
+void agree_with_stated(const LogRecording& recording, const LogColumn& column, double stated,
+                       LogTime& time) {
+  const auto steps = static_cast<double>(column.values.size() - 1);
+  const double mean = (column.values(column.values.size() - 1) - column.values(0)) / steps;
+  const bool is_known = quantity_of_unit(column.words.unit) == LogQuantity::kTime;
+  constexpr double kClose = 0.02;
+  for (const Unit& unit : known_units()) {
+    if (unit.base != "s" || (is_known && unit.name != column.words.unit)) continue;
+    for (const double step : {mean, time.median_step}) {
+      if (std::abs(unit.factor * step - stated) > kClose * stated) continue;
+      if (!is_known) time.why = "by the sample time that you said";
+      time.odd_unit.clear();
+      time.unit = unit.name;
+      time.sample_time = time.is_even ? rounded_step(unit.factor * mean) : stated;
+      return;
     }
-    return time;
   }
-  time.column = column->name;
-  time.file = column->file;
-  if (column->words.unit_factor != 1.0) {
+  const std::string found =
+      is_known ? fmt::format("{:g} s", find_unit(column.words.unit)->factor * time.median_step)
+               : fmt::format("{:g} (its unit is not stated)", time.median_step);
+  throw InputError(fmt::format(
+      "{}: column '{}': steps of {}, and --sample-time says {:g} s: leave --sample-time out, or "
+      "say --column '{}=ignore' if the stamps are wrong",
+      recording.files[column.file].string(), column.name, found, stated, column.name));
+}
+
+// The sample time that was stated, or that the file states; 0: neither.
+LogTime time_without_column(const LogRecording& recording, std::optional<double> stated) {
+  LogTime time;
+  if (!stated && !recording.sample_time) return time;
+  time.sample_time = stated ? *stated : *recording.sample_time;
+  time.why = stated ? "you said so" : "the file states it";
+  if (stated && recording.sample_time && *stated != *recording.sample_time) {
+    time.why += fmt::format(", the file says {:g} s", *recording.sample_time);
+  }
+  return time;
+}
+
+// By the stamps of a column alone.
+LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
+  LogTime time;
+  time.column = column.name;
+  time.file = column.file;
+  time.file_name = column.file_name;
+  if (column.words.unit_factor != 1.0) {
     throw InputError(
         fmt::format("{}: column '{}': a time in {:g} {} can't be read; say --column '{}=ignore' "
                     "and --sample-time",
-                    recording.files[column->file].string(), column->name, column->words.unit_factor,
-                    column->words.unit, column->name));
+                    recording.files[column.file].string(), column.name, column.words.unit_factor,
+                    column.words.unit, column.name));
   }
-  const TimeAxis axis = examine_times(column->values);
+  const TimeAxis axis = examine_times(column.values);
   time.median_step = axis.step;
   time.is_even = axis.kind == TimeAxis::Kind::kEven ||
                  (axis.kind == TimeAxis::Kind::kJittered && axis.jitter < 0.09);
-  find_unit_of_time(recording, *column, time);
+  find_unit_of_time(recording, column, time);
   if (time.is_even) {
-    const auto steps = static_cast<double>(column->values.size() - 1);
-    const double span = column->values(column->values.size() - 1) - column->values(0);
+    const auto steps = static_cast<double>(column.values.size() - 1);
+    const double span = column.values(column.values.size() - 1) - column.values(0);
     time.sample_time = rounded_step(span / steps * time.seconds());
     return time;
   }
-  const double step = step_of_uneven(column->values, axis.step);
+  const double step = step_of_uneven(column.values, axis.step);
   if (step < axis.step) time.of_step = "the shorter steps, of two sizes";
   time.sample_time = in_two_digits(step * time.seconds());
+  return time;
+}
+
+}  // namespace
+
+LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
+  const LogColumn* column = time_column(recording);
+  if (column == nullptr || (stated && column->words.quantity != LogQuantity::kTime)) {
+    return time_without_column(recording, stated);
+  }
+  LogTime time = time_of_stamps(recording, *column);
+  if (stated) agree_with_stated(recording, *column, *stated, time);
   return time;
 }
 

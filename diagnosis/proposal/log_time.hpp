@@ -20,6 +20,8 @@ struct LogTime {
   std::string column;  // in its file; empty: none
   std::size_t file = 0;
   std::string unit;                         // empty: open
+  std::string odd_unit = {};                // that its title states and that is none of a time
+  std::string file_name = {};               // of the column
   std::string why;                          // of the unit
   double median_step = 1.0;                 // recorded unit; samples where there is no column
   bool is_even = true;                      // within a tenth of a step
@@ -30,11 +32,14 @@ struct LogTime {
 
   // Seconds that one of the recorded unit is; 0 where it is open.
   [[nodiscard]] double seconds() const;
+  // What to ask where the unit is open.
+  [[nodiscard]] std::string question() const;
 };
 
-// `stated`: s, what the user says; it stands in for a missing column. Throws InputError for a time
-// that is named and doesn't rise,
-// and for one whose unit has a factor, which a campaign can't have.
+// `stated`: s, what the user says; it stands in for a missing column, and for the unit of one whose
+// title has none. Throws InputError for a time
+// that is named and doesn't rise, for one whose steps are not what was stated, and for one whose
+// unit has a factor, which a campaign can't have.
 [[nodiscard]] LogTime find_time(const LogRecording& recording, std::optional<double> stated);
 
 // A sample time with as few digits as its times allow: 0.00200003 is 0.002.

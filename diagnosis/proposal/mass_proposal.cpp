@@ -82,8 +82,7 @@ class MassProposal {
            {}});
     } else {
       OpenQuestion question;
-      question.text = fmt::format("Which unit has '{}', with steps of {:g}?", draft_.time.column,
-                                  draft_.time.median_step);
+      question.text = draft_.time.question();
       question.option = fmt::format("--column '{}=time:ms', say", draft_.time.column);
       for (const char* unit : {"s", "ms", "us", "ns"}) {
         question.choices.push_back({unit, {fmt::format("{}=time:{}", draft_.time.column, unit)}});
@@ -156,7 +155,7 @@ class MassProposal {
     drive_ = likely_drive_ = choice.column;
     guess("drive", fmt::format("'{}'", drive_->name), choice.reason);
     if (!choice.doubt.empty()) proposal_.notes.push_back(choice.doubt);
-    if (!drive_->words.odd_unit.empty() && !drive_->answered) ask_unit_of_drive();
+    if (!drive_->words.odd_unit.empty()) ask_unit_of_drive();
     find_wrap_of_drive();
   }
 
@@ -206,6 +205,7 @@ class MassProposal {
     std::vector<std::string> units{"A", "mA"};
     if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};
     if (quantity == LogQuantity::kVoltage) units = {"V", "mV"};
+    if (quantity == LogQuantity::kCommand) units = {"V", "A", "%", "1"};
     const bool is_torque =
         quantity == LogQuantity::kForce && drive_->words.motion == MotionKind::kRotary;
     proposal_.questions.push_back(
@@ -255,10 +255,25 @@ class MassProposal {
     } else {
       take_motion(choose_motion(columns_, context), "");
     }
+    require_counts();
     guess("motion", motion_ == MotionKind::kLinear ? "linear" : "rotary",
           request_.motion != MotionKind::kOpen ? "you said so"
           : is_open                            ? "guessed: no title says; else say --linear"
                                                : "the titles");
+  }
+
+  // Counts a turn that were stated and that no motion is in would change nothing.
+  void require_counts() const {
+    if (!request_.counts_per_turn || motions_.empty()) return;
+    std::string motions;
+    for (const MotionChoice& each : motions_) {
+      if (each.unit == "counts") return;
+      motions +=
+          fmt::format("{}'{}' is in {}", motions.empty() ? "" : ", ", each.column->name, each.unit);
+    }
+    throw InputError(fmt::format(
+        "--counts-per-turn: {}, not in counts; leave it out, or say --column '{}=position:counts'",
+        motions, motions_.front().column->name));
   }
 
   void take_motion(MotionChoice choice, const std::string& side) {
@@ -429,7 +444,7 @@ class MassProposal {
     }
     // What is asked about it, as its unit: no command reads the file until that is answered.
     for (const OpenQuestion& question : proposal_.questions) {
-      if (question.text.starts_with(fmt::format("'{}'", drive_->name))) {
+      if (question.about == drive_->name) {
         comment = "# ANSWER: " + question.text;
       }
     }
@@ -633,13 +648,39 @@ class MassProposal {
         {force(), motion(0), motions_[0].is_velocity, !is_linear(), draft_.time.sample_time});
   }
 
-  // A drive that counts the other way makes the mass negative.
+  // As --column takes it: "-deg", "-0.1 deg".
+  static std::string reversed_unit(const MotionChoice& motion) {
+    const double factor = -motion.column->words.unit_factor;
+    if (factor == -1.0) return "-" + motion.unit;
+    return factor == 1.0 ? motion.unit : fmt::format("{:g} {}", factor, motion.unit);
+  }
+
+  // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
+  // same but for a velocity beside the position, which is a third witness: two that agree are
+  // believed. A weight is none, since its direction is not known.
   void doubt_sign(const OneMassStart& start) {
+    const MotionChoice& motion = motions_.front();
+    const std::string drive = fmt::format("for the drive --gain=-{:g}", force_factor_),
+                      encoder = fmt::format(
+                          "for the encoder --column '{}={}:{}'", motion.column->name,
+                          motion.is_velocity ? "velocity" : "position", reversed_unit(motion));
+    std::string who = fmt::format(
+        "'{}' (drive) or '{}' (encoder) is reversed, and this log can't "
+        "tell which: say {}, or {}",
+        drive_->name, motion.column->name, drive, encoder);
+    if (motion.rate < 0.0) {
+      who = fmt::format(
+          "'{}' (encoder) is reversed: '{}' agrees with the drive, and the rate of "
+          "the encoder with neither: say {}",
+          motion.column->name, motion.other->name, encoder);
+    } else if (motion.rate > 0.0) {
+      who = fmt::format("'{}' (drive) is reversed, or both '{}' and '{}', which agree: say {}",
+                        drive_->name, motion.column->name, motion.other->name, drive);
+    }
     proposal_.notes.push_back(fmt::format(
-        "is the sign of '{0}' right? The mass would be negative, -{1:.3g} {2} within {3:.0f} %: it "
-        "pushes against the way the axis speeds up. If it counts the other way say "
-        "--gain=-{4:g} (start values are those of the turned drive)",
-        drive_->name, start.inertia, inertia_unit(), 100.0 * start.spread, force_factor_));
+        "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
+        "speeds up against its drive. {} (start values are those of the turned drive)",
+        start.inertia, inertia_unit(), 100.0 * start.spread, who));
   }
 
   // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
@@ -669,7 +710,7 @@ class MassProposal {
           why = "a start: least squares of the motion on the drive and friction";
           break;
         case OneMassTold::kReversed:
-          why = "guessed: negative; is the sign of the drive right?";
+          why = "guessed: negative; is the drive reversed, or the encoder?";
           doubt_sign(start);
           break;
         case OneMassTold::kNothing:

@@ -168,6 +168,7 @@ class MotionUnitChoice {
     const Unit* known = find_unit(unit);
     choice_.factor = known == nullptr ? 1.0 : known->factor;
     choice_.other = is_velocity ? nullptr : velocity_;
+    choice_.rate = is_velocity || !fit_ ? 0.0 : fit_->factor;
     if (!is_velocity) find_wraps(column, turn_in(unit));
   }
 
@@ -177,7 +178,7 @@ class MotionUnitChoice {
     choice_.is_wrapped = wrap.has_value();
     if (!wrap || (wrap->period == turn && column->words.unit_factor == 1.0)) return;
     choice_.wrap_period =
-        fmt::format(", period: {:.10g}", wrap->period / column->words.unit_factor);
+        fmt::format(", period: {:.10g}", wrap->period / std::abs(column->words.unit_factor));
   }
 
   void take_position() {
@@ -210,7 +211,7 @@ class MotionUnitChoice {
   // A title with a unit that the motion can't have.
   void ask_odd_unit() {
     const LogColumn* column = choice_.column;
-    if (column == nullptr || column->words.odd_unit.empty() || column->answered) return;
+    if (column == nullptr || column->words.odd_unit.empty()) return;
     choice_.questions.push_back(question_of_unit(
         *column, choice_.is_velocity ? "velocity" : "position",
         choice_.is_velocity ? std::vector<std::string>{"rad/s", "rpm", "deg/s", "m/s"}
@@ -241,13 +242,15 @@ class MotionUnitChoice {
       choice_.unit_reason = "# ANSWER: rad for one count?";
     }
     choice_.gain = count == 0.0 ? "{value: ANSWER, unit: rad/counts}"
-                                : fmt::format("{{value: {:.8g}, unit: rad/counts}}", count);
+                                : fmt::format("{{value: {:.8g}, unit: rad/counts}}",
+                                              count * position_->words.unit_factor);
     choice_.factor = count == 0.0 ? 1.0 : count;
     find_wraps(position_, 0.0);
   }
 
   void ask_unit(const LogColumn* column, const char* quantity,
                 std::initializer_list<const char*> units) {
+    if (!column->words.odd_unit.empty()) return;  // it is asked below
     OpenQuestion question;
     question.text = fmt::format("'{}' spans {:.3g} and has no unit: which is it?", column->name,
                                 span_of(*column));
@@ -305,8 +308,11 @@ OpenQuestion which_of(const std::vector<const LogColumn*>& columns, const std::s
 OpenQuestion question_of_unit(const LogColumn& column, const std::string& quantity,
                               const std::vector<std::string>& units) {
   OpenQuestion question;
-  question.text = fmt::format("'{}': '{}' is no unit of a {} that is known: which unit has it?",
-                              column.name, column.words.odd_unit, quantity);
+  question.text =
+      fmt::format("{}: column '{}': '{}' is no unit of a {} that is known ({}): which unit has it?",
+                  column.file_name, column.name, column.words.odd_unit, quantity,
+                  known_units_of(column.words.quantity));
+  question.about = column.name;
   question.option = fmt::format("--column '{}={}:{}', say; a factor before it: '{}:0.1 {}'",
                                 column.name, quantity, units.front(), quantity, units.front());
   for (const std::string& unit : units) {

@@ -26,6 +26,7 @@ struct MotionChoice {
   std::vector<OpenQuestion> questions = {};
   std::vector<std::string> notes = {};  // of the other column: late, not the rate, ...
   const LogColumn* other = nullptr;     // the velocity beside a position
+  double rate = 0.0;                    // of the position over `other`; 0: they were not compared
 
   // The motion of one of the recordings in SI, without wraps and gaps.
   [[nodiscard]] Eigen::VectorXd values(const LogRecording& recording) const;

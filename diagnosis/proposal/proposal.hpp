@@ -58,6 +58,7 @@ struct OpenQuestion {
   std::string text;
   std::string option;  // how to answer beforehand
   std::vector<AnswerChoice> choices = {};
+  std::string about = {};  // the column whose line in campaign.yaml it marks
 };
 
 struct ModelProposal {

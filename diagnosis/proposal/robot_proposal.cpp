@@ -84,8 +84,7 @@ class RobotProposal {
       return;
     }
     OpenQuestion question;
-    question.text =
-        fmt::format("Which unit has '{}', with steps of {:g}?", time.column, time.median_step);
+    question.text = time.question();
     question.option = fmt::format("--column '{}=time:ms', say", time.column);
     for (const char* unit : {"s", "ms", "us", "ns"}) {
       question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});
@@ -304,10 +303,11 @@ class RobotProposal {
 
   // A unit that a title states and the quantity can't have.
   static void refuse_odd_unit(const LogColumn& column, const char* quantity, const char* unit) {
-    if (column.words.odd_unit.empty() || column.answered) return;
-    throw InputError(
-        fmt::format("'{}': '{}' is no unit of a {} that is known: say --column '{}={}:{}'",
-                    column.name, column.words.odd_unit, quantity, column.name, quantity, unit));
+    if (column.words.odd_unit.empty()) return;
+    throw InputError(fmt::format(
+        "{}: column '{}': '{}' is no unit of a {} that is known ({}): say --column '{}={}:{}'",
+        column.file_name, column.name, column.words.odd_unit, quantity,
+        known_units_of(column.words.quantity), column.name, quantity, unit));
   }
 
   void add_force(std::size_t joint) {

@@ -1,11 +1,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cstddef>
 #include <limits>
 #include <set>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/recording_files/recording_formats.hpp"
 #include "problems/base/error.hpp"
@@ -62,26 +65,34 @@ std::vector<RecordedColumn> columns_in_comment(std::string_view comment, std::st
   return {};
 }
 
-// A line of units below the header: each field is a known unit, in brackets or not, "-" or empty,
-// and one is a unit. Takes them.
-bool takes_units(const std::vector<std::string_view>& fields,
-                 std::vector<RecordedColumn>& columns) {
-  if (fields.size() != columns.size()) return false;
+// "Nm" is "N m".
+std::string without_blanks(std::string_view text) {
+  std::string result(text);
+  std::erase(result, ' ');
+  return result;
+}
+
+bool is_unit(std::string_view field) {
+  return field != "1" && std::ranges::any_of(known_units(), [&](const Unit& unit) {
+           return without_blanks(unit.name) == without_blanks(field);
+         });
+}
+
+// The fields of a line of units, without their brackets; empty where it is none: one of its fields
+// is a unit that is known, and none is a number. Others may be units that graybox does not know.
+std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
   std::vector<std::string> units;
   bool any = false;
+  double number = 0.0;
   for (std::string_view field : fields) {
     field = trimmed(field);
     const bool has_brackets = field.size() > 2 && (field.front() == '[' || field.front() == '(');
     if (has_brackets) field = trimmed(field.substr(1, field.size() - 2));
-    const bool is_unit = find_unit(field) != nullptr && field != "1";
-    if (!is_unit && !field.empty() && field != "-" && field != "1") return false;
-    any = any || is_unit;
-    units.emplace_back(is_unit ? field : std::string_view{});
+    if (field != "1" && parse_number(field, number)) return {};
+    any = any || is_unit(field);
+    units.emplace_back(field == "-" || field == "1" ? std::string_view{} : field);
   }
-  for (std::size_t k = 0; any && k < columns.size(); ++k) {
-    if (columns[k].unit.empty()) columns[k].unit = units[k];
-  }
-  return any;
+  return any ? units : std::vector<std::string>{};
 }
 
 // An empty field and an error of Excel are samples that are not there.
@@ -99,12 +110,98 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
   return number_in_table(path, line, fmt::format("'{}'", column), field);
 }
 
+struct NumberedLine {
+  std::string text;
+  std::size_t number = 0;
+};
+
+// The lines of a table from its first on: those that were looked at in search of the header, then
+// the rest of the file.
+class TableLines {
+ public:
+  explicit TableLines(LineReader lines) : lines_(std::move(lines)) { look_ahead(); }
+
+  [[nodiscard]] const std::vector<NumberedLine>& head() const { return head_; }
+  [[nodiscard]] bool ends_in_numbers() const { return ends_in_numbers_; }
+  [[nodiscard]] const std::string& comment() const { return comment_; }
+  [[nodiscard]] std::size_t number() const { return number_; }
+  void begin_at(std::size_t place) { next_ = place; }
+
+  // The line is valid until the next call.
+  bool next(std::string_view& line) {
+    if (next_ < head_.size()) {
+      number_ = head_[next_].number;
+      line = head_[next_++].text;
+      return true;
+    }
+    const bool more = lines_.next(line);
+    number_ = lines_.number();
+    return more;
+  }
+
+ private:
+  // Up to the first line of numbers alone.
+  void look_ahead() {
+    constexpr std::size_t kMostLines = 200;
+    std::string_view line;
+    while (head_.size() < kMostLines && !ends_in_numbers_ && lines_.next(line)) {
+      if (line.front() == '%') {
+        comment_ = line;
+        continue;
+      }
+      FieldSplitter splitter(line);
+      const std::vector<std::string_view>& fields = splitter.split(line);
+      double number = 0.0;
+      ends_in_numbers_ = std::ranges::all_of(fields, [&](std::string_view field) {
+        return field.empty() || parse_number(field, number);
+      });
+      head_.push_back({std::string(line), lines_.number()});
+    }
+    if (comment_.empty()) comment_ = lines_.comment();
+  }
+
+  LineReader lines_;
+  std::vector<NumberedLine> head_;  // the last is of numbers where there is one
+  bool ends_in_numbers_ = false;
+  std::string comment_;
+  std::size_t next_ = 0, number_ = 0;
+};
+
+// Where the header is among the lines above the numbers. It is the first line, unless that is a
+// title or a remark: then it is the last line that has as many fields as the numbers and no number,
+// or the one above where that is a line of units.
+std::size_t place_of_header(const TableLines& lines) {
+  const std::vector<NumberedLine>& head = lines.head();
+  if (!lines.ends_in_numbers() || head.size() < 3) return 0;
+  const std::size_t last = head.size() - 2;
+  FieldSplitter numbers(head.back().text);
+  const std::size_t count = numbers.split(head.back().text).size();
+  const auto fits = [&](std::size_t place) {
+    FieldSplitter splitter(head[place].text);
+    const std::vector<std::string_view>& fields = splitter.split(head[place].text);
+    return fields.size() == count && is_header(fields);
+  };
+  if (!fits(last) || count < 2) return 0;
+  FieldSplitter splitter(head[last].text);
+  const bool are_units = !units_in(splitter.split(head[last].text)).empty();
+  return are_units && fits(last - 1) ? last - 1 : last;
+}
+
+// The lines above the header, for a remark.
+std::string remark_of_title(const std::string& path, const TableLines& lines, std::size_t header) {
+  constexpr std::size_t kShown = 40;
+  const std::string& first = lines.head().front().text;
+  return fmt::format("{}: what stands above the header in line {} is left out: '{}{}'", path,
+                     lines.head()[header].number, first.substr(0, kShown),
+                     first.size() > kShown || header > 1 ? "..." : "");
+}
+
 // The header, or numbers as names; the first line of numbers is in `line` then.
-bool read_header(LineReader& lines, std::string_view& line, FieldSplitter& splitter,
-                 std::string_view comment, RecordingFile& file) {
+bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& splitter,
+                 RecordingFile& file) {
   const std::vector<std::string_view> fields = splitter.split(line);
   if (!is_header(fields)) {
-    file.columns = columns_in_comment(comment, line, fields.size());
+    file.columns = columns_in_comment(lines.comment(), line, fields.size());
     if (!file.columns.empty()) return true;
     for (std::size_t k = 0; k < fields.size(); ++k) {
       file.columns.push_back({std::to_string(k + 1), {}, {}});
@@ -112,9 +209,13 @@ bool read_header(LineReader& lines, std::string_view& line, FieldSplitter& split
     return true;
   }
   file.columns = header_columns(file.path, fields);
-  bool more = lines.next(line);
-  if (more && takes_units(splitter.split(line), file.columns)) more = lines.next(line);
-  return more;
+  if (!lines.next(line)) return false;
+  const std::vector<std::string> units = units_in(splitter.split(line));
+  if (units.size() != file.columns.size()) return true;
+  for (std::size_t k = 0; k < units.size(); ++k) {
+    if (file.columns[k].unit.empty()) file.columns[k].unit = units[k];
+  }
+  return lines.next(line);
 }
 
 // A header may name the first of several columns only, as exported time series have it.
@@ -152,18 +253,33 @@ void name_or_drop_unnamed(RecordingFile& file) {
       "{}: without a name and with hardly any number, so left out: column {}", file.path, dropped));
 }
 
+// Words where numbers should begin: what was taken for the header may be a title.
+void refuse_words(const std::string& path, std::size_t line,
+                  const std::vector<std::string_view>& fields) {
+  const auto is_word = [](std::string_view field) {  // no decimal comma, no error of Excel
+    return !field.empty() && std::isalpha(static_cast<unsigned char>(field.front())) != 0;
+  };
+  if (!is_header(fields) || !std::ranges::all_of(fields, is_word)) return;
+  throw InputError(fmt::format(
+      "{}: line {}: '{}' is no number, nor a name of each column: delete what stands above the "
+      "header, or begin it with #",
+      path, line, fields.front()));
+}
+
 }  // namespace
 
 RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
-  LineReader lines = text ? LineReader(path, *std::move(text)) : LineReader(path);
+  TableLines lines(text ? LineReader(path, *std::move(text)) : LineReader(path));
+  const std::size_t header = place_of_header(lines);
+  lines.begin_at(header);
   std::string_view line;
   bool more = lines.next(line);
-  std::string comment = lines.comment();
-  for (; more && line.front() == '%'; more = lines.next(line)) comment = line;
   if (!more) throw InputError(path + ": there are no numbers");
+  if (header > 0) file.remarks.push_back(remark_of_title(path, lines, header));
   FieldSplitter splitter(line);
-  more = read_header(lines, line, splitter, comment, file);
+  more = read_header(lines, line, splitter, file);
+  if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
   if (more) name_the_rest(splitter.split(line).size(), file);
   std::vector<std::vector<double>> values(file.columns.size());
   for (; more; more = lines.next(line)) {

@@ -24,7 +24,7 @@ OutputErrorOptions options_of(const ModelFitRequest& request) {
   OutputErrorOptions options;
   options.starts = request.starts;
   options.seed = request.seed;
-  options.keep_going = [] { return !stop_was_asked_for(); };
+  options.keep_going = [] { return !stop_requested(); };
   if (request.initial_state == "measured") options.initial_state = InitialState::kMeasured;
   if (request.initial_state == "rest") options.initial_state = InitialState::kRest;
   return options;

@@ -121,7 +121,7 @@ FitReport fit_rigid_robot(const ModelFitRequest& request) {
   InverseDynamicsOptions options;
   options.decimation = request.decimation;
   if (request.equal_noise) options.noise = JointNoise::kEqual;
-  options.keep_going = [] { return !stop_was_asked_for(); };
+  options.keep_going = [] { return !stop_requested(); };
   const InverseDynamicsFit fit =
       fit_inverse_dynamics(robot, read_motion_records(robot, campaign), options);
 

@@ -22,7 +22,7 @@ FitReport fit_robot(const ModelFitRequest& request) {
   options.lines = request.lines == "full"    ? LineStage::kFull
                   : request.lines == "local" ? LineStage::kLocal
                                              : LineStage::kNone;
-  options.keep_going = [] { return !stop_was_asked_for(); };
+  options.keep_going = [] { return !stop_requested(); };
   options.report = request.report;
   FitReport report = fit_robot_campaign(linear.robot, campaign, options);
   for (const std::string& element : linear.left_out) {

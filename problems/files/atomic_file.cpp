@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "problems/base/error.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/files/input_guard.hpp"
 #include "problems/files/temporary_name.hpp"
 
@@ -152,12 +153,11 @@ void AtomicFile::sync_temporary() const {
 }
 
 void AtomicFile::replace_target() {
-  if (std::rename(temporary_.c_str(), target_.c_str()) != 0) fail(std::strerror(errno));
-  committed_ = true;
-  const fs::path folder = fs::path(target_).parent_path();
-  const Descriptor entries(
-      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (entries.valid() && sync_failed(entries)) fail(std::strerror(errno));
+  committed_ = FilesTogether::take(temporary_, target_, path_);
+  if (committed_) return;
+  const int reason = put_in_place(temporary_, target_);
+  committed_ = !fs::exists(temporary_);
+  if (reason != 0) fail(std::strerror(reason));
 }
 
 // The temporary file stays for the destructor.

@@ -11,6 +11,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/file_message.hpp"
 #include "solvers/report/design_file.hpp"
 
 namespace graybox {
@@ -113,7 +114,7 @@ std::optional<ConstrainedClaim> read_constrained_claim(const std::string& path) 
     }
     return claim;
   } catch (const InputError& error) {
-    throw InputError(fmt::format("{}: {}", path, error.what()));
+    throw InputError(in_file(path, error.what()));
   }
 }
 

@@ -90,11 +90,12 @@ std::string_view to_string(CriterionKind kind) {
 }
 
 CriterionKind criterion_kind(std::string_view name) {
+  if (name == "V") return CriterionKind::kI;  // its other name (Atkinson, Donev and Tobias 2007)
   for (const auto& [value, known] : kNames) {
     if (known == name) return value;
   }
   throw InputError(
-      fmt::format("unknown criterion '{}'; choose D, A, E, L, Ds, c, I, phi_p or G", name));
+      fmt::format("unknown criterion '{}'; choose D, A, E, L, Ds, c, I (or V), phi_p or G", name));
 }
 
 Criterion Criterion::weighted(CriterionKind kind, std::vector<double> weights) {
@@ -146,7 +147,7 @@ Criterion Criterion::g(PredictionRegion region) {
 
 Criterion Criterion::compound(std::vector<CriterionPart> parts) {
   if (parts.empty()) throw InputError("a compound criterion needs at least one part");
-  double sum = 0.0;
+  double largest = 0.0;
   for (const CriterionPart& part : parts) {
     const CriterionKind kind = part.criterion.kind();
     if (kind == CriterionKind::kE || kind == CriterionKind::kG ||
@@ -160,9 +161,19 @@ Criterion Criterion::compound(std::vector<CriterionPart> parts) {
       throw InputError(fmt::format("compound criterion: the share of {} is {}; it must be positive",
                                    to_string(kind), part.share));
     }
-    sum += part.share;
+    largest = std::max(largest, part.share);
   }
-  for (CriterionPart& part : parts) part.share /= sum;
+  // Over the largest first: large shares have no sum.
+  double sum = 0.0;
+  for (CriterionPart& part : parts) sum += part.share /= largest;
+  for (CriterionPart& part : parts) {
+    part.share /= sum;
+    if (part.share > 0.0) continue;
+    throw InputError(
+        fmt::format("compound criterion: the share of {} is nothing beside that of the others; "
+                    "leave it out or state a larger one",
+                    to_string(part.criterion.kind())));
+  }
   Criterion criterion(CriterionKind::kCompound);
   criterion.parts_ = std::move(parts);
   return criterion;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "problems/base/error.hpp"
+#include "problems/files/file_message.hpp"
 #include "problems/files/json_file.hpp"
 #include "solvers/report/design_file.hpp"
 
@@ -57,7 +58,7 @@ class DesignReader {
 
  private:
   [[noreturn]] void fail(const std::string& problem) const {
-    throw InputError(fmt::format("{}: {}", path_, problem));
+    throw InputError(in_file(path_, problem));
   }
 
   void parse() {

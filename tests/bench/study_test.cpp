@@ -423,6 +423,40 @@ TEST_F(Study, WritesItsTablesAndSummary) {
   EXPECT_EQ(text(options_.output / "summary.md"), summary);
 }
 
+// Lines that are no rows, however they came to be: they count, and the first is named.
+TEST_F(Study, LinesThatAreNoRowsAreCounted) {
+  const nlohmann::json good = example_row();
+  const auto with = [&](const char* key, const nlohmann::json& value) {
+    nlohmann::json row = good;
+    row[key] = value;
+    return row.dump();
+  };
+  const std::vector<std::string> damaged{
+      "hello",
+      "[1, 2]",
+      good.dump().substr(0, 200),
+      with("kind", "rum"),
+      with("kind", nullptr),
+      with("seconds", nullptr),
+      with("seconds", -1.0),
+      with("candidates", -50),
+      with("candidates", 0),
+      with("gap", "1e-6"),
+      with("gap", 0.0),
+      with("status", 3),
+      R"({"kind": "skip"})",
+  };
+  for (const std::string& line : damaged) {
+    const fs::path file = folder_ / "rows.jsonl";
+    std::ofstream(file) << good.dump() << "\n\n" << line << "\n" << good.dump() << "\n";
+    const StudyRows rows = read_rows(file);
+    EXPECT_EQ(rows.runs.size(), 2U) << line;
+    EXPECT_EQ(rows.unreadable, 1U) << line;
+    EXPECT_EQ(rows.first_unreadable, 3U) << line;
+    EXPECT_EQ(unreadable_note(rows, "f"), "f: line 3 is no row of a study and is left out");
+  }
+}
+
 // ---- the page -----------------------------------------------------------------------------------
 
 // A row of one solver on one set, in seconds; infinite ones are not solved.
@@ -450,6 +484,34 @@ TEST(StudyPage, NamesTheWorstInstance) {
   EXPECT_EQ(worst("weak")->point.family, "b");  // not solved counts before any ratio
   EXPECT_EQ(status_words(facts.of_solver("weak")), "solved 1, time_limit 1");
   EXPECT_EQ(facts.solvers, (std::vector<std::string>{"fast", "slow", "weak"}));
+}
+
+// The colour of the first words, and what follows them.
+std::string top_of(const StudyRows& rows) {
+  const std::string page = study_page(rows, {});
+  const std::size_t from = page.find("<h1");
+  return page.substr(from, page.find("<h2", from) - from);
+}
+
+TEST(StudyPage, ATickIsForAWholeStudy) {
+  StudyRows rows;
+  rows.runs = {timed_row("fast", "a", 1.0), timed_row("weak", "a", 2.0)};
+  const std::string whole = top_of(rows);
+  EXPECT_NE(whole.find("passed"), std::string::npos) << whole;
+  EXPECT_EQ(whole.find("unsolved"), std::string::npos) << whole;
+  rows.unreadable = 3;
+  rows.first_unreadable = 17;
+  const std::string damaged = top_of(rows);
+  EXPECT_EQ(damaged.find("passed"), std::string::npos) << damaged;
+  EXPECT_NE(damaged.find("rows.jsonl: 3 lines are no rows of a study (the first: line 17)"),
+            std::string::npos)
+      << damaged;
+  rows.unreadable = 0;
+  rows.runs.push_back(timed_row("weak", "b", kInfinity));
+  const std::string unsolved = top_of(rows);
+  EXPECT_EQ(unsolved.find("passed"), std::string::npos) << unsolved;
+  const std::size_t told = unsolved.find("1 of 3 runs is unsolved: 1 time_limit.");
+  EXPECT_LT(told, unsolved.find("All certified answers")) << unsolved;
 }
 
 TEST(StudyPage, EscapesWhatSolversAreCalled) {

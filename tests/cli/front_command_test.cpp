@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <regex>
 #include <sstream>
 #include <string>
@@ -61,6 +62,67 @@ class FrontDoor : public testing::CommandRunner {
       }
     }
     return all;
+  }
+
+  // What a command's help says of its options and positionals.
+  struct StatedOption {
+    std::string name, description;
+    bool is_required = false, is_positional = false;
+    std::string type = {};  // "TEXT", "UINT:POSITIVE", "TEXT:{c,csv,urdf}"
+    // A value that it takes.
+    [[nodiscard]] std::string value() const {
+      if (type == "TEXT") return "other";
+      const std::size_t brace = type.find('{');
+      if (brace == std::string::npos) return "1";
+      return type.substr(brace + 1, type.find_first_of(",}", brace) - brace - 1);
+    }
+    [[nodiscard]] bool writes() const {
+      return !is_positional && type == "TEXT" &&
+             std::regex_search(
+                 description,
+                 std::regex("write|(^folder of the (cases|answers|results)$)|^folder for|"
+                            "keep the state|append|^file \\(c, urdf\\)|campaign folder"));
+    }
+  };
+
+  std::vector<StatedOption> options_of(const std::string& command) {
+    std::vector<StatedOption> options;
+    bool is_positional = false;
+    const std::regex head(R"(  (?:-\w,)?(-?-?[\w-]+)( [^ ].*?)?(?:  +(.*))?)");
+    for (const std::string& line : lines_of(graybox(command + " --help").out)) {
+      if (line.empty()) is_positional = false;
+      if (line == "Positionals:") is_positional = true;
+      std::smatch parts;
+      if (line.starts_with("    ") && !options.empty()) {
+        const std::string more = line.substr(line.find_first_not_of(' '));
+        options.back().description += (options.back().description.empty() ? "" : " ") + more;
+      } else if ((is_positional || line.starts_with("  -")) &&
+                 std::regex_match(line, parts, head)) {
+        options.push_back({.name = parts[1],
+                           .description = parts[3],
+                           .is_required = parts[2].str().find("REQUIRED") != std::string::npos,
+                           .is_positional = is_positional});
+        const std::string type = parts[2];
+        options.back().type = type.substr(0, type.find_first_of("= ", 1)).erase(0, 1);
+      } else if (line.empty() && !options.empty()) {
+        options.push_back({.name = {}, .description = "-"});  // nothing goes on
+      }
+    }
+    std::erase_if(options, [](const StatedOption& each) { return each.name.empty(); });
+    return options;
+  }
+
+  // The command with its positionals, and those required options that are not stated in `stated`.
+  std::string with_what_it_needs(const std::string& command, const std::string& stated) {
+    std::string line = command;
+    for (const StatedOption& each : options_of(command)) {
+      if (each.is_positional) line += " input";
+      const bool is_missing = stated.find(each.name + " ") == std::string::npos;
+      if (!each.is_positional && each.is_required && is_missing) {
+        line += " " + each.name + " " + each.value();
+      }
+    }
+    return line + " " + stated;
   }
 
   // Sources the script in a shell that is not interactive and asks for what follows these words.
@@ -212,6 +274,73 @@ TEST_F(FrontDoor, ColoursAreForTerminalsAlone) {
     EXPECT_EQ((outcome.out + outcome.err).find('\033'), std::string::npos) << command;
     EXPECT_EQ((outcome.out + outcome.err).find('\r'), std::string::npos) << command;
   }
+}
+
+// Whatever a command writes, no second output replaces the first, and none an input: the help of
+// each command says which options write.
+TEST_F(FrontDoor, NoTwoOutputsAreOneFile) {
+  std::filesystem::create_symlink("same", folder_.file("link"));
+  std::size_t pairs = 0;
+  for (const std::string& command : all_commands()) {
+    const std::vector<StatedOption> options = options_of(command);
+    for (const StatedOption& first : options) {
+      for (const StatedOption& second : options) {
+        if (&second <= &first || !first.writes() || !second.writes()) continue;
+        ++pairs;
+        const bool is_prefix = second.description.find("X_support.csv") != std::string::npos;
+        const std::string a = is_prefix ? "same_support.csv" : "same";
+        for (const std::string& b : {std::string("same"), std::string("./link")}) {
+          if (is_prefix && b != "same") continue;
+          const std::string line =
+              with_what_it_needs(command, first.name + " " + a + " " + second.name + " " + b);
+          expect_refused(line, "both write to it");
+          expect_refused(line, first.name + " and " + second.name);
+        }
+      }
+    }
+  }
+  EXPECT_GT(pairs, 20U);
+}
+
+TEST_F(FrontDoor, NoOutputIsAnInput) {
+  write_text(folder_.file("input"), "kept");
+  std::filesystem::create_symlink("input", folder_.file("link"));
+  std::size_t outputs = 0;
+  for (const std::string& command : all_commands()) {
+    const std::vector<StatedOption> options = options_of(command);
+    if (std::ranges::none_of(options, &StatedOption::is_positional)) continue;
+    for (const StatedOption& option : options) {
+      // Folders and the beginnings of names are no files that exist.
+      if (!option.writes() || option.description.find("X_support.csv") != std::string::npos) {
+        continue;
+      }
+      ++outputs;
+      expect_refused(with_what_it_needs(command, option.name + " ./link"),
+                     "is an input of this command, too");
+      EXPECT_EQ(read_text(folder_.file("input")), "kept");
+    }
+  }
+  EXPECT_GT(outputs, 25U);
+}
+
+// --format '' is not --format left out: of any option of any command.
+TEST_F(FrontDoor, EmptyValuesAreRefused) {
+  std::size_t options = 0;
+  for (const std::string& command : all_commands()) {
+    for (const StatedOption& option : options_of(command)) {
+      if (option.is_positional || option.type != "TEXT") continue;
+      ++options;
+      expect_refused(with_what_it_needs(command, option.name + " ''"), option.name);
+    }
+  }
+  EXPECT_GT(options, 80U);
+}
+
+// Devices may be named as often as one likes.
+TEST_F(FrontDoor, DevicesTakeSeveralOutputs) {
+  ASSERT_EQ(graybox("problem regression --degree 1 --points 3 -o line.h5").exit_code, 0);
+  EXPECT_EQ(graybox("solve line.h5 -o /dev/null --trace /dev/null --report /dev/null").exit_code,
+            0);
 }
 
 // One version, wherever it stands.

@@ -184,6 +184,25 @@ TEST_F(OutputCommand, NeverOverwritesAnInput) {
   }
 }
 
+// The disk is full at the second of two files, or the first can't be kept: neither is there.
+TEST_F(OutputCommand, WritesAllItsFilesOrNone) {
+  const std::string drive = kExamples + "fit/drive/";
+  for (const std::string& command :
+       {std::string("solve set.h5 --report big -o "),
+        std::string("solve set.h5 --floor A=0.5 "
+                    "--trace /dev/full -o "),
+        std::string("exact set.h5 --experiments 8 --report big -o "),
+        std::string("exact set.h5 --experiments 8 --criterion A --report big -o "),
+        std::string("solve set.h5 --budget 10 --trace trace.jsonl --report big -o "),
+        "fit " + drive + "motor.yaml " + drive + "campaign.yaml --report big --write fitted -o "}) {
+    EXPECT_EQ(with_file_limit(command + "small", 16'000), 2) << command;
+    for (const char* name : {"small", "big", "fitted", "trace.jsonl"}) {
+      EXPECT_FALSE(fs::exists(file(name))) << command << ": " << name;
+    }
+    EXPECT_EQ(temporaries(), 0U) << command;
+  }
+}
+
 // Finding A7.
 TEST_F(OutputCommand, TellsOfAFullStandardOutput) {
   for (const char* arguments :
@@ -205,12 +224,17 @@ TEST_F(OutputCommand, DiagnoseTouchesOnlyWhatItsEarlierReportLists) {
   fs::create_directories(file("report/figures"));
   write_text(file("report/figures/thesis.svg"), "a");
   write_text(file("report/next_plan_mine.yaml"), "b");
-  ASSERT_LE(diagnose("report").exit_code, 1);
+  const Outcome outcome = diagnose("report");
+  ASSERT_LE(outcome.exit_code, 1);
+  // What is said to be written is what is.
+  const std::string wrote = outcome.out.substr(outcome.out.find("wrote report/report.html"));
   // An earlier report of ours with more in it: the list says so.
   json verdict = json::parse(read_text(file("report/verdict.json")));
   ASSERT_TRUE(verdict["files"].is_array());
   for (const auto& name : verdict["files"]) {
     EXPECT_TRUE(fs::exists(file("report/" + name.get<std::string>()))) << name;
+    const std::string said = name.get<std::string>().substr(0, name.get<std::string>().find('/'));
+    EXPECT_NE(wrote.find(said), std::string::npos) << wrote;
   }
   verdict["files"].push_back("figures/law_9.svg");
   verdict["files"].push_back("../plan.yaml");

@@ -1,8 +1,10 @@
 // Ctrl-C and --time-limit, as users see them: every long command ends soon after, with what it has.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -164,6 +166,58 @@ TEST_F(StopCommand, LargeMatricesStopInTime) {
     const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
     EXPECT_TRUE(outcome.exit_code == 0 || outcome.exit_code == 1) << outcome.err;
     EXPECT_LE(taken.count(), limit + kPatience);
+  }
+}
+
+// Commands that work long on what they read, each with a limit that it can't keep: one line and
+// exit code 1, and no file that is half written.
+TEST_F(StopCommand, OtherCommandsEndAtTheirTimeLimitToo) {
+  constexpr double kPatience = 3.0;  // s beyond the limit; a second would do on an idle machine
+  robot();
+  example("diagnose/rotor.yaml");
+  make("problem random --family wis --candidates 200000 --dimension 20 -o set.h5");
+  write_text(folder_.file("design.json"),
+             R"({"format": "graybox-design/1", "support": [{"index": 0, "weight": 1}]})");
+  const std::string frequencies =
+      "realisations: 20\nperiod: 200000\nsettling_periods: 2\nperiods: 4\n"
+      "frequencies: {from: 2, to: 80, count: 40, spacing: log}\n";
+  write_text(folder_.file("plan.yaml"), "format: graybox-plan/1\nlevels: [2]\n" + frequencies);
+  write_text(folder_.file("small_plan.yaml"),
+             "format: graybox-plan/1\nlevels: [2]\nrealisations: 6\nvalidation_realisations: 1\n"
+             "period: 20000\nsettling_periods: 1\nperiods: 4\n"
+             "frequencies: {from: 2, to: 80, count: 40, spacing: log}\n");
+  make("simulate rotor.yaml small_plan.yaml -o campaign");
+  std::string log = "time,current,speed\n";  // much of it, and the responses of many frequencies
+  for (int k = 0; k < 400000; ++k) {
+    log += fmt::format("{:.3f},{:.6f},{:.6f}\n", 0.001 * k, std::sin(1e-5 * k * (1 + k % 7)),
+                       std::cos(1e-5 * k * (1 + k % 7)) + 1e-3 * (k % 101));
+  }
+  write_text(folder_.file("log.csv"), log);
+  write_text(folder_.file("long.yaml"),
+             "format: graybox-campaign/1\nsample_time: 0.001\nchannels:\n"
+             "  - {name: current, unit: A, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+             "experiments: [{file: log.csv}]\n");
+  const std::vector<std::string> commands{
+      "check set.h5 design.json",
+      "simulate rotor.yaml plan.yaml -o new",
+      "recordings long.yaml -o summary.json",
+      "responses long.yaml --method local_polynomial -o responses.h5",
+      "predict rotor.yaml campaign -o page.html",
+      "fit rotor.yaml campaign -o fit.json --report fit.html",
+      "design verify --grid 500 --recordings 0 --repetitions 50000 -o verified"};
+  for (const std::string& command : commands) {
+    SCOPED_TRACE(command);
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome = graybox(command + " --time-limit 0.01", kAtMost);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    EXPECT_LE(taken.count(), kPatience);
+    const bool may_be_done = command.find("long.yaml") != std::string::npos;
+    if (may_be_done && outcome.exit_code == 0) continue;  // in the half second after the limit
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+  }
+  for (const char* name : {"page.html", "fit.json", "fit.html"}) {
+    EXPECT_FALSE(fs::exists(folder_.file(name))) << name;
   }
 }
 

@@ -18,6 +18,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/families/families.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/files/folder_lock.hpp"
 #include "problems/files/temporary_name.hpp"
 #include "problems/formats/information_set_file.hpp"
@@ -126,6 +127,32 @@ TEST_F(AtomicFileTest, LeavesTheOldFileWhereWritingIsGivenUp) {
   }
   EXPECT_EQ(read_text(file("result")), "old");
   EXPECT_EQ(folder_.file_count(), 1U);
+}
+
+// Files that belong together: all or none, and what goes to a device goes at once.
+TEST_F(AtomicFileTest, FilesTogetherAppearTogetherOrNotAtAll) {
+  write_text(file("first"), "old");
+  {
+    FilesTogether files;
+    write_text_file(file("first"), "new");
+    write_text_file(file("second"), "new");
+    EXPECT_EQ(read_text(file("first")), "old");
+    EXPECT_FALSE(fs::exists(file("second")));
+    EXPECT_THROW(write_text_file("/dev/full", "new"), InputError);
+  }
+  EXPECT_EQ(read_text(file("first")), "old");
+  EXPECT_EQ(folder_.file_count(), 1U);
+  {
+    FilesTogether files;
+    write_text_file(file("first"), "new");
+    write_text_file(file("second"), "newer");
+    files.commit();
+    EXPECT_EQ(read_text(file("first")), "new");
+    EXPECT_EQ(read_text(file("second")), "newer");
+  }
+  EXPECT_EQ(folder_.file_count(), 2U);
+  write_text_file(file("third"), "alone");  // as ever
+  EXPECT_EQ(read_text(file("third")), "alone");
 }
 
 // Finding D3: a power cut finds the old file or the new one, and the folder knows of it.

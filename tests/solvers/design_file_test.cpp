@@ -151,6 +151,37 @@ TEST_F(DesignFileTest, RefusesWhatIsNoDesignOfThisSet) {
   expect_error([](Json& j) { j = Json::array(); }, "no JSON object");
 }
 
+// Whatever is wrong with whichever field: the message names the file, and once.
+TEST_F(DesignFileTest, DamagedFieldsAreRefusedNamingTheFileOnce) {
+  Json whole = Json::parse(read_text(path_));
+  whole["criterion"] = {{"name", "compound"},
+                        {"parts",
+                         {{{"share", 0.5}, {"criterion", {{"name", "L"}, {"weights", {1, 0, 1}}}}},
+                          {{"share", 0.5}, {"criterion", {{"name", "phi_p"}, {"p", 2}}}}}}};
+  whole["floors"] = {
+      {{"share", 0.5}, {"criterion", {{"name", "Ds"}, {"interest", {0}}}}, {"multiplier", 0.1}}};
+  whole["limits"] = {{"concentration", {{"largest_share", 0.5}, {"positions", 2}}}};
+  std::size_t refused = 0;
+  const Json fields = whole.flatten();
+  for (const auto& [field, value] : fields.items()) {
+    for (const Json& damage : {Json(), Json("word"), Json(-1), Json::array(), Json::object()}) {
+      Json damaged = whole;
+      damaged[Json::json_pointer(field)] = damage;
+      write_text(path_, damaged.dump());
+      try {
+        (void)read_design(path_, quadratic());
+      } catch (const InputError& error) {
+        const std::string line = error.what();
+        ++refused;
+        EXPECT_EQ(line.find(path_), 0U) << field << damage << line;
+        EXPECT_EQ(line.rfind(path_), 0U) << field << damage << line;
+        EXPECT_EQ(line.find('\n'), std::string::npos) << line;
+      }
+    }
+  }
+  EXPECT_GT(refused, 50U);
+}
+
 TEST_F(DesignFileTest, RefusesBrokenAndMissingFiles) {
   write_text(path_, read_text(path_).substr(0, 100));
   expect_error("not valid JSON");

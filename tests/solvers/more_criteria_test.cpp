@@ -501,6 +501,26 @@ TEST(MoreCriteria, OtherBackEndsAnswerUnsupported) {
   }
 }
 
+// V is another name of I.
+TEST(MoreCriteria, NamesAreTakenFromBooks) {
+  EXPECT_EQ(criterion_kind("V"), CriterionKind::kI);
+  EXPECT_EQ(to_string(criterion_kind("V")), "I");
+}
+
+// Shares count by their ratios alone, however large or small they are.
+TEST(MoreCriteria, SharesOfAnySizeCountByTheirRatios) {
+  const Criterion plain = Criterion::compound({{0.25, Criterion()}, {0.75, Criterion::a()}});
+  for (const double unit : {1e-300, 1.0, 1e300, 2e307}) {
+    const Criterion scaled =
+        Criterion::compound({{1.0 * unit, Criterion()}, {3.0 * unit, Criterion::a()}});
+    ASSERT_EQ(scaled.parts().size(), 2U);
+    for (std::size_t k = 0; k < 2; ++k) {
+      EXPECT_DOUBLE_EQ(scaled.parts()[k].share, plain.parts()[k].share) << unit;
+    }
+  }
+  EXPECT_THROW(Criterion::compound({{1e308, Criterion()}, {1e-308, Criterion::a()}}), InputError);
+}
+
 TEST(MoreCriteria, RefusesWhatIsNoCriterion) {
   const InformationSet set = polynomial(1, even_grid(3));
   EXPECT_THROW(static_cast<void>(Criterion::phi_p(-1.0)), InputError);

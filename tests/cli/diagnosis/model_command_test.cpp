@@ -143,6 +143,48 @@ TEST_F(Model, AmbiguousColumnsAreAskedNotGuessed) {
   EXPECT_NE(units.out.find("don't agree"), std::string::npos) << units.out;
 }
 
+// In a pipe nothing is asked: the line of the drive is marked, and no command reads it.
+TEST_F(Model, TheUnitOfADriveIsMarkedInAPipe) {
+  for (const char* title : {"torque [furlong]", "torque [mN]", "current [Nm]"}) {
+    write_text(folder_.file("log.csv"),
+               table(std::string("time [s],angle [rad],speed [rad/s],") + title + ",spare"));
+    const Outcome asked = graybox("model log.csv -o a --overwrite </dev/null");
+    EXPECT_NE(asked.err.find("1 open question"), std::string::npos) << title << asked.err;
+    const std::string campaign = read_text(folder_.file("a/campaign.yaml"));
+    std::istringstream lines(campaign);
+    std::size_t marked = 0;
+    for (std::string line; std::getline(lines, line);) {
+      if (line.find("is: input") == std::string::npos) continue;
+      marked += line.find("# ANSWER:") == std::string::npos ? 0U : 1U;
+      EXPECT_NE(line.find("is no unit of a"), std::string::npos) << line;
+    }
+    EXPECT_EQ(marked, 1U) << campaign;
+    for (const char* command : {"diagnose", "fit", "predict"}) {
+      expect_refused(std::string(command) + " a/model.yaml a/campaign.yaml", "an open question");
+    }
+  }
+}
+
+TEST_F(Model, OptionsThatContradictOrChangeNothingAreRefused) {
+  write_text(folder_.file("log.csv"),
+             table("time [s],angle [rad],speed [rad/s],torque [Nm],spare"));
+  const std::string urdf = "arm.urdf ";  // refused before it is read
+  for (const auto& [options, text] : std::vector<std::pair<std::string, std::string>>{
+           {"--one-mass --two-masses", "--one-mass"},
+           {"--sample-time 0.01", "--sample-time says 0.01 s"},
+           {"--counts-per-turn 4096", "--counts-per-turn: 'angle' is in rad"},
+           {"--tip link_6", "--tip: names a link of a URDF"},
+           {"--base link_0", "--base: names a link of a URDF"},
+           {urdf + "--linear", "--linear and --rotary: not beside a URDF"},
+           {urdf + "--two-masses", "--one-mass and --two-masses: not beside a URDF"},
+           {urdf + "--counts-per-turn 4096", "--counts-per-turn: not beside a URDF"},
+           {urdf + "--gain 2", "--gain: not beside a URDF"}}) {
+    expect_refused("model log.csv -o refused " + options, text);
+    EXPECT_FALSE(is_there("refused")) << options;
+  }
+  EXPECT_EQ(graybox("model log.csv -o a --sample-time 0.005").exit_code, 0);
+}
+
 TEST_F(Model, DegreesAreToldFromTheVelocity) {
   write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare", 180.0 / 3.14159265358979));
   const Outcome outcome = graybox("model log.csv -o a");

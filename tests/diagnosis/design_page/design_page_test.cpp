@@ -13,11 +13,13 @@
 #include <vector>
 
 #include "diagnosis/design_page/design_facts.hpp"
+#include "diagnosis/design_page/design_stories.hpp"
 #include "diagnosis/design_page/robot_poses.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "solvers/certificates/certificate.hpp"
+#include "solvers/column_generation/column_generation.hpp"
 #include "solvers/report/design_table.hpp"
 #include "solvers/report/run_order.hpp"
 
@@ -233,6 +235,66 @@ TEST(DesignFacts, SensitivitiesAreSlopesOfTheCriterion) {
           << to_string(criterion.kind());
     }
   }
+}
+
+// G over a region: with the weight on the one point whose prediction is worst it is a slope, too,
+// and at the optimum the largest is that of the certificate.
+TEST(DesignFacts, SensitivitiesOfARegionAreThoseOfItsCertificate) {
+  const InformationSet set = random_set(12, 3, 5);
+  const PredictionRegion region = PredictionRegion::of_regressors(
+      3, {1.0, 0.2, -0.5, 0.3, 1.5, 0.4, -0.2, 0.1, 2.0, 1.0, 1.0, 1.0});
+  const Criterion criterion = Criterion::g(region);
+  const Solution solution =
+      ColumnGeneration().solve(set, {.duality_gap = 1e-9, .criterion = criterion}, nullptr);
+  ASSERT_EQ(solution.design.dual_weights.size(), 4U);
+  const Certificate proof = certify(set, solution.design, criterion);
+  const std::vector<double> values = criterion_sensitivities(set, solution.design, criterion);
+  ASSERT_EQ(values.size(), 12U);
+  EXPECT_NEAR(std::ranges::max(values), 1.0 + proof.duality_gap, 1e-9);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (solution.design.weights[i] < 1e-3) continue;
+    EXPECT_NEAR(values[i], 1.0, 1e-6) << i;
+  }
+  // Anywhere else: the slope of -log G.
+  const std::vector<double> weights(12, 1.0 / 12.0);
+  const auto worst_variance = [&](const std::vector<double>& at) {
+    return certify(set, {.weights = at, .dual_weights = {0.25, 0.25, 0.25, 0.25}}, criterion)
+        .criterion_value;
+  };
+  std::vector<double> slopes;
+  for (std::size_t j = 0; j < 4; ++j) {
+    Design design{.weights = weights, .dual_weights = std::vector<double>(4, 0.0)};
+    design.dual_weights[j] = 1.0;
+    const std::vector<double> own = criterion_sensitivities(set, design, criterion);
+    // The point whose bound is the tightest at M itself is the worst one: sum of w s is one.
+    double mean = 0.0;
+    for (const double value : own) mean += value / 12.0;
+    if (std::abs(mean - 1.0) < 1e-9) slopes = own;
+  }
+  ASSERT_EQ(slopes.size(), 12U);
+  for (std::size_t i = 0; i < 12; ++i) {
+    const auto moved = [&](double step) {
+      std::vector<double> other = weights;
+      for (double& weight : other) weight *= 1.0 - step;
+      other[i] += step;
+      return -std::log(worst_variance(other));
+    };
+    EXPECT_NEAR(slopes[i] - 1.0, (moved(1e-5) - moved(-1e-5)) / 2e-5, 1e-5) << i;
+  }
+}
+
+// A page without the picture says so.
+TEST(DesignPage, SaysWhatItLacks) {
+  const InformationSet set = random_set(6, 3, 2);
+  const Criterion criterion = Criterion::g(PredictionRegion::of_regressors(3, {1.0, 0.0, 0.0}));
+  const Design design{.weights = std::vector<double>(6, 1.0 / 6.0)};
+  SolveOptions options;
+  options.criterion = criterion;
+  Solution solution;
+  solution.design = design;
+  const DesignStory story = solve_story(set, design, judge(set, "any", options, solution));
+  EXPECT_TRUE(story.sensitivities.empty());
+  EXPECT_NE(design_page(story, {}).find("There is no picture of the proof"), std::string::npos);
 }
 
 TEST(DesignFacts, StandardErrorsOfKnownMatrices) {

@@ -73,8 +73,8 @@ class LogDoubts : public ::testing::Test {
 
   // What is proposed, without writing.
   ModelProposal proposed(const std::vector<Column>& columns,
-                         const std::vector<std::string>& answers = {}) {
-    ProposalRequest request;
+                         const std::vector<std::string>& answers = {},
+                         ProposalRequest request = {}) {
     request.machine = ProposedMachine::kOneMass;
     request.logs = {write("log.csv", columns)};
     request.folder = folder_.file("axis");
@@ -132,10 +132,9 @@ TEST_F(LogDoubts, AColumnThatCountsRowsIsNotOffered) {
   const Axis m = axis(500, 0.01);
   std::vector<double> rows;
   for (std::size_t k = 0; k < m.time.size(); ++k) rows.push_back(static_cast<double>(k));
-  const ModelProposal proposal = proposed(
-      {{"time", m.time}, {"n", rows}, {"position [rad]", m.position}, {"abc", m.force}});
-  EXPECT_NE(value_of(proposal, "drive").find("'abc'"), std::string::npos)
-      << questions_of(proposal);
+  const ModelProposal proposal =
+      proposed({{"time", m.time}, {"n", rows}, {"position [rad]", m.position}, {"abc", m.force}});
+  EXPECT_NE(value_of(proposal, "drive").find("'abc'"), std::string::npos) << questions_of(proposal);
   EXPECT_NE(value_of(proposal, "not used").find("n: numbers the rows"), std::string::npos);
 }
 
@@ -176,12 +175,54 @@ TEST_F(LogDoubts, ADriveOfTheWrongSignIsAsked) {
   const std::vector<double> turned = mapped(m.force, [](double u) { return -u; });
   const ModelProposal proposal =
       proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", turned}});
-  EXPECT_NE(notes_of(proposal).find("is the sign of 'torque' right?"), std::string::npos);
+  EXPECT_NE(notes_of(proposal).find("are the signs right?"), std::string::npos);
   EXPECT_NE(notes_of(proposal).find("--gain=-1"), std::string::npos);
   EXPECT_NE(value_of(proposal, "mass").find("guessed: negative"), std::string::npos);
   const ModelProposal right =
       proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
   EXPECT_EQ(notes_of(right).find("sign"), std::string::npos);
+}
+
+// Of a drive, an encoder and perhaps a tachometer one is reversed: what is named as reversed is
+// that or, where nothing tells, one of several; what is said to turn it turns it.
+TEST_F(LogDoubts, WhatIsReversedIsNamedWhereTheLogTellsIt) {
+  const Axis m = axis(2000, 0.01);
+  const auto turned = [](const std::vector<double>& values) {
+    return mapped(values, [](double value) { return -value; });
+  };
+  const Column time{"time", m.time}, drive{"torque [N m]", m.force},
+      encoder{"position [rad]", m.position}, tachometer{"velocity [rad/s]", m.velocity};
+  const Column turned_drive{drive.first, turned(m.force)},
+      turned_encoder{encoder.first, turned(m.position)},
+      turned_tachometer{tachometer.first, turned(m.velocity)};
+  const std::string either = "'torque' (drive) or 'position' (encoder) is reversed",
+                    the_encoder = "'position' (encoder) is reversed: 'velocity' agrees",
+                    the_drive = "'torque' (drive) is reversed, or both 'position' and 'velocity'",
+                    answer = "--column 'position=position:-rad'";
+  // The same numbers but for a common sign: no one can tell.
+  for (const std::vector<Column>& columns :
+       {std::vector{time, encoder, turned_drive}, std::vector{time, turned_encoder, drive}}) {
+    const std::string notes = notes_of(proposed(columns));
+    EXPECT_NE(notes.find(either), std::string::npos) << notes;
+    EXPECT_NE(notes.find(answer), std::string::npos) << notes;
+    EXPECT_NE(notes.find("--gain=-1"), std::string::npos) << notes;
+  }
+  const std::vector<Column> wrong_encoder{time, turned_encoder, tachometer, drive};
+  const std::string encoders = notes_of(proposed(wrong_encoder));
+  EXPECT_NE(encoders.find(the_encoder), std::string::npos) << encoders;
+  EXPECT_NE(encoders.find(answer), std::string::npos) << encoders;
+  EXPECT_EQ(encoders.find("--gain"), std::string::npos) << encoders;
+  const std::string drives = notes_of(proposed({time, encoder, tachometer, turned_drive}));
+  EXPECT_NE(drives.find(the_drive), std::string::npos) << drives;
+  const std::string tachometers = notes_of(proposed({time, encoder, turned_tachometer, drive}));
+  EXPECT_EQ(tachometers.find("are the signs right?"), std::string::npos) << tachometers;
+  EXPECT_NE(tachometers.find("'velocity' has the opposite sign"), std::string::npos);
+  const ModelProposal right = proposed({time, encoder, tachometer, drive}),
+                      mended = proposed(wrong_encoder, {"position=position:-rad"});
+  EXPECT_EQ(notes_of(mended).find("sign"), std::string::npos) << notes_of(mended);
+  EXPECT_EQ(value_of(mended, "mass"), value_of(right, "mass"));
+  EXPECT_NE(mended.campaign_text.find("gain: {value: -1, unit: rad/rad}"), std::string::npos)
+      << mended.campaign_text;
 }
 
 // An arm that is pushed up and falls back: a weight stands in the model.
@@ -281,6 +322,28 @@ TEST(UnitFactors, UnitsOfOtherQuantitiesAreOdd) {
     EXPECT_EQ(words.unit, "") << title;
     EXPECT_EQ(words.odd_unit, odd) << title;
   }
+  // What stands in brackets, or in a file's attribute, and is no unit that is known.
+  for (const auto& [title, odd] :
+       {std::pair{"torque [furlong]", "furlong"}, std::pair{"torque (furlong)", "furlong"},
+        std::pair{"speed [furlong/s]", "furlong/s"}, std::pair{"position [px]", "px"},
+        std::pair{"current [LSB]", "LSB"}, std::pair{"time [fortnight]", "fortnight"},
+        std::pair{"torque [raw]", "raw"}}) {
+    const ColumnWords words = read_column_words(title, "");
+    EXPECT_EQ(words.unit, "") << title;
+    EXPECT_EQ(words.odd_unit, odd) << title;
+  }
+  EXPECT_EQ(read_column_words("torque", "furlong").odd_unit, "furlong");
+  EXPECT_EQ(read_column_words("torque [Nm]", "furlong").odd_unit, "");
+  // Which of several signals it is, or a remark.
+  for (const char* title :
+       {"position (motor)", "position [filtered]", "q [joint 1]", "torque (measured)", "x [load]",
+        "position [2nd axis]", "torque [-]", "torque []", "torque (tau)", "current (raw)",
+        "torque (from the drive's own log)", "position [left]", "torque [Nm]", "angle [0.1 deg]"}) {
+    EXPECT_EQ(read_column_words(title, "").odd_unit, "") << title;
+  }
+  for (const char* unit : {"", "-", "none", "1"}) {
+    EXPECT_EQ(read_column_words("torque", unit).odd_unit, "") << unit;
+  }
   // These are what their units say, or arrays.
   EXPECT_EQ(read_column_words("encoder [rpm]", "").quantity, Q::kVelocity);
   EXPECT_EQ(read_column_words("torque current [A]", "").quantity, Q::kCurrent);
@@ -317,6 +380,74 @@ TEST_F(LogDoubts, AUnitThatDoesNotFitIsAsked) {
   ASSERT_EQ(asked.questions.size(), 1U);
   EXPECT_NE(questions_of(asked).find("is no unit of a torque"), std::string::npos);
   EXPECT_TRUE(proposed(columns, {"torque [mN]=torque:mN m"}).questions.empty());
+  // What it is says nothing of its unit.
+  EXPECT_EQ(proposed(columns, {"torque [mN]=torque"}).questions.size(), 1U);
+}
+
+// Whatever column it is: the question names file, column and the units that are known.
+TEST_F(LogDoubts, AUnitThatIsNotKnownIsAsked) {
+  const Axis m = axis(1000, 0.01);
+  const std::vector<Column> plain{{"time", m.time}, {"position", m.position}, {"torque", m.force}};
+  const std::vector<std::string> known{"(s, ms, us, ns, min)", "rad, mrad, deg", "N m, mN m, kN m"};
+  for (std::size_t k = 0; k < plain.size(); ++k) {
+    std::vector<Column> columns = plain;
+    columns[k].first += " [furlong]";
+    const ModelProposal asked = proposed(columns);
+    ASSERT_EQ(asked.questions.size(), 1U) << columns[k].first << questions_of(asked);
+    const std::string text = questions_of(asked);
+    EXPECT_NE(text.find("log.csv: column '" + columns[k].first + "': 'furlong' is no unit"),
+              std::string::npos)
+        << text;
+    EXPECT_NE(text.find(known[k]), std::string::npos) << text;
+    EXPECT_NE((asked.campaign_text + asked.model_text).find("# ANSWER:"), std::string::npos);
+    const std::string unit = std::vector{"time:s", "position:rad", "torque:N m"}[k];
+    const ModelProposal told = proposed(columns, {columns[k].first + "=" + unit});
+    EXPECT_TRUE(told.questions.empty()) << questions_of(told);
+  }
+}
+
+TEST_F(LogDoubts, ASampleTimeThatTheStampsContradictIsRefused) {
+  const Axis m = axis(1000, 0.01);
+  const auto with = [&](const char* title, double unit, double stated) {
+    ProposalRequest request;
+    request.sample_time = stated;
+    return proposed({{title, mapped(m.time, [&](double t) { return unit * t; })},
+                     {"position [rad]", m.position},
+                     {"torque [N m]", m.force}},
+                    {}, request);
+  };
+  for (const auto& [title, unit] : {std::pair{"time [ms]", 1e3}, std::pair{"time", 1.0}}) {
+    testing::expect_refused([&] { with(title, unit, 0.002); },
+                            "log.csv: column 'time': steps of 0.01");
+    testing::expect_refused([&] { with(title, unit, 0.002); }, "--sample-time says 0.002 s");
+    EXPECT_TRUE(with(title, unit, 0.01).questions.empty());
+  }
+  // Where no title states the unit, it follows.
+  const ModelProposal open = with("time", 100.0, 0.001);  // steps of 1: s or ms
+  EXPECT_EQ(open.questions.size(), 0U);
+  testing::expect_refused([&] { with("time", 50.0, 0.01); }, "its unit is not stated");
+}
+
+TEST_F(LogDoubts, CountsOfATurnNeedCounts) {
+  const Axis m = axis(1000, 0.01);
+  ProposalRequest request;
+  request.counts_per_turn = 4096;
+  const std::vector<double> counts =
+      mapped(m.position, [](double q) { return std::round(4096.0 * q / 6.283185307179586); });
+  const Column time{"time", m.time}, drive{"torque [N m]", m.force};
+  testing::expect_refused(
+      [&] {
+        proposed({time, {"position [rad]", m.position}, drive}, {}, request);
+      },
+      "--counts-per-turn: 'position' is in rad, not in counts");
+  const ModelProposal counted = proposed({time, {"enc [counts]", counts}, drive}, {}, request);
+  EXPECT_TRUE(counted.questions.empty());
+  EXPECT_NE(counted.campaign_text.find("value: 0.0015339808"), std::string::npos);
+  // A factor in the unit, a reversed one among them, is in the gain.
+  const ModelProposal turned =
+      proposed({time, {"enc [counts]", counts}, drive}, {"enc=position:-counts"}, request);
+  EXPECT_NE(turned.campaign_text.find("value: -0.0015339808"), std::string::npos)
+      << turned.campaign_text;
 }
 
 // ---- values that are held -----------------------------------------------------------------------
@@ -436,6 +567,39 @@ TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {
 // ---- uneven times, short logs, gears ------------------------------------------------------------
 
 // Steps of 120 ms, and later of 60 and 120 ms: the median is none that the second half allows.
+// One log twice checks nothing: not under another name, with other stamps, in another order of
+// columns, or where it is a part of the other.
+TEST_F(LogDoubts, ALogGivenTwiceIsLeftOut) {
+  const Axis m = axis(2000, 0.01), other = axis(2000, 0.01, 0.05);
+  const auto part = [](const std::vector<double>& values, long from, long count) {
+    return std::vector<double>(values.begin() + from, values.begin() + from + count);
+  };
+  const Column time{"time", m.time}, position{"position [rad]", m.position},
+      drive{"torque [N m]", m.force};
+  const std::vector<double> later = mapped(m.time, [](double t) { return t + 100.0; });
+  const std::string first = write("first.csv", {time, position, drive}),
+                    second = write("second.csv", {{"time", later}, drive, position}),
+                    third = write("third.csv", {{"time", part(m.time, 0, 500)},
+                                                {"position [rad]", part(m.position, 700, 500)},
+                                                {"torque [N m]", part(m.force, 700, 500)}}),
+                    fourth = write("fourth.csv", {{"time", other.time},
+                                                  {"position [rad]", other.position},
+                                                  {"torque [N m]", other.force}});
+  const std::string one = value_of(written({first}), "kept out");
+  for (const std::string& copy : {first, second, third}) {
+    for (const std::vector<std::string>& files : {std::vector{first, copy}, {copy, first}}) {
+      const ModelProposal proposal = written(files);
+      EXPECT_NE(notes_of(proposal).find("is left out: it holds the same values as"),
+                std::string::npos)
+          << copy << notes_of(proposal);
+      EXPECT_EQ(value_of(proposal, "kept out"), one) << copy;
+    }
+  }
+  const ModelProposal two = written({first, fourth});
+  EXPECT_EQ(notes_of(two).find("left out"), std::string::npos) << notes_of(two);
+  EXPECT_NE(value_of(two, "kept out").find("fourth.csv"), std::string::npos);
+}
+
 TEST_F(LogDoubts, StepsOfTwoSizesMakeACampaignThatCanBeRead) {
   constexpr int kLong = 400, kAll = 780;
   const Axis m = axis(8200, 0.01);

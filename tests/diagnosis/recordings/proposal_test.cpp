@@ -15,6 +15,7 @@
 #include "diagnosis/proposal/column_words.hpp"
 #include "diagnosis/proposal/log_time.hpp"
 #include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -163,7 +164,10 @@ TEST(LogTimes, UnitsOfTime) {
   EXPECT_EQ(find_time(log_of("stamp", 1.7e9, 0.01), {}).unit, "s");
   EXPECT_EQ(find_time(log_of("stamp", 1.7e12, 10.0), {}).unit, "ms");
   EXPECT_EQ(find_time(log_of("stamp", 1.7e18, 1e6), {}).unit, "ns");
-  EXPECT_DOUBLE_EQ(find_time(log_of("time", 0.0, 10.0), 0.5).sample_time, 0.5);
+  EXPECT_DOUBLE_EQ(find_time(log_of("number", 0.0, 10.0), 0.5).sample_time, 0.5);
+  // A sample time that is stated picks the unit, and contradicts none.
+  EXPECT_EQ(find_time(log_of("time", 0.0, 10.0), 1e-5).unit, "us");
+  testing::expect_refused([] { return find_time(log_of("time", 0.0, 10.0), 0.5); }, "0.5 s");
 }
 
 TEST(LogTimes, WhatCouldBeTwoUnitsIsLeftOpen) {
@@ -198,15 +202,17 @@ TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
 // Files with the same columns are recordings; files that complement each other are one.
 TEST(LogRecordings, FilesAreJoinedByTheirColumns) {
   const testing::TemporaryFolder folder;
-  const auto write = [&](const std::string& name, const std::string& header) {
+  const auto write = [&](const std::string& name, const std::string& header, int first = 0) {
     std::string text = header + "\n";
-    for (int k = 0; k < 60; ++k) text += std::to_string(0.01 * k) + "," + std::to_string(k) + "\n";
+    for (int k = 0; k < 60; ++k) {
+      text += std::to_string(0.01 * k) + "," + std::to_string(first + k * k) + "\n";
+    }
     testing::write_text(folder.file(name), text);
     return std::filesystem::path(folder.file(name));
   };
   const auto position = write("arm_position.csv", "t,joint_1"),
              effort = write("arm_effort.csv", "t,joint_1"), again = write("b.csv", "t,q"),
-             more = write("c.csv", "t,q");
+             more = write("c.csv", "t,q", 1);
   const std::vector<LogRecording> one = read_logs({position, effort}, {});
   ASSERT_EQ(one.size(), 1U);
   EXPECT_EQ(one[0].columns[1].words.quantity, Q::kPosition);
@@ -224,6 +230,42 @@ TEST(LogRecordings, ALineOfUnitsBelowTheHeader) {
   EXPECT_EQ(logs[0].samples(), 60);
   EXPECT_EQ(logs[0].columns[1].words.unit, "deg");
   EXPECT_DOUBLE_EQ(find_time(logs[0], {}).sample_time, 0.002);
+}
+
+// Lines above the header, and units that graybox does not know below it.
+TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
+  const testing::TemporaryFolder folder;
+  std::string rows;
+  for (int k = 0; k < 60; ++k) rows += std::to_string(2 * k) + ",1.5,0.2\n";
+  const auto read = [&](const std::string& head) {
+    testing::write_text(folder.file("log.csv"), head + rows);
+    return read_recording_file(folder.file("log.csv"));
+  };
+  for (const std::string title :
+       {"Recorder v3\n", "Recorder v3\nDate: 1.1.2026\n\n", "Rate,1000\nAxis,2\n",
+        "Machine,Axis,Date\n", "Measured by me, at noon\n", "Measured; by me\n"}) {
+    for (const std::string units : {"", "ms,deg,A\n", "ms,Nm,furlong\n", "[ms],[-],[A]\n"}) {
+      const RecordingFile file = read(title + "time,angle,current\n" + units);
+      ASSERT_EQ(file.columns.size(), 3U) << title << units;
+      EXPECT_EQ(file.columns[0].name, "time") << title << units;
+      EXPECT_EQ(file.columns[2].name, "current") << title << units;
+      EXPECT_EQ(file.columns[0].values.size(), 60) << title << units;
+      EXPECT_EQ(file.columns[0].unit, units.empty() ? "" : "ms") << title << units;
+      ASSERT_EQ(file.remarks.size(), 1U) << title << units;
+      EXPECT_NE(file.remarks[0].find("above the header in line"), std::string::npos);
+    }
+  }
+  // None of these is a title.
+  EXPECT_TRUE(read("time,angle,current\n").remarks.empty());
+  EXPECT_TRUE(read("time,angle,current\nms,deg,A\n").remarks.empty());
+  EXPECT_EQ(read("time,angle,current\nms,Nm,furlong\n").columns[2].unit, "furlong");
+  EXPECT_EQ(read("time,angle,current\n0,#N/A,\n").columns[0].values.size(), 61);
+  EXPECT_EQ(read("").columns[0].name, "1");
+  // A title that can't be told from a header is refused with what to do.
+  testing::expect_refused([&] { read("Recorder v3\ntime\n"); }, "delete what stands above");
+  testing::write_text(folder.file("log.csv"), "time;angle\n0,1;0,2\n0,2;0,3\n");
+  testing::expect_refused([&] { (void)read_recording_file(folder.file("log.csv")); },
+                          "write a decimal point");
 }
 
 // An inertia with dry and viscous friction: start values lie within a few per cent.
