@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 
 #include "diagnosis/prediction_error/prediction_curves.hpp"
@@ -63,6 +64,22 @@ MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
     }
   }
   return covariance;
+}
+
+struct Covariate {
+  LawTrend::On on = LawTrend::On::kTime;
+  VectorXd values;  // over one, from least to most
+};
+
+// A line and a wave over the way that was gone.
+void add_waves(const VectorXd& position, std::vector<Covariate>& covariates) {
+  const double low = position.minCoeff(), range = position.maxCoeff() - low;
+  if (!(range > 0.0)) return;
+  const Eigen::ArrayXd share = (position.array() - low) / range;
+  const Eigen::ArrayXd angle = 2.0 * std::numbers::pi * share;
+  covariates.push_back({LawTrend::On::kPosition, share.matrix()});
+  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.cos()).matrix()});
+  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.sin()).matrix()});
 }
 
 }  // namespace
@@ -326,20 +343,29 @@ std::vector<LawTrend> FinalFit::trends() const {
   if (!task || found_.fit.model.laws.empty()) return trends;
   const PredictionFit fit = task_.is_free() ? fitted_at(*task) : found_.fit;
   if (!fit.usable) return trends;
+  const ParameterTrends along(*task, data_->output_count(), fit);
+  const MatrixXd motion = fitter(*task).motion(fit);
   for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
     const PlacedFinding& law = fit.model.laws[l];
+    const Location& place = fit.model.model.parts[law.part].location;
+    std::vector<Covariate> covariates{{LawTrend::On::kTime, along.time()}};
+    if (place.kind == LocationKind::kElement) {
+      add_waves(motion.leftCols(motion.cols() / 2) * place.input, covariates);
+    }
     const std::size_t first = fit.model.first_parameter(law.part);
     const std::size_t count = fit.model.model.parts[law.part].parameters.size();
-    LawTrend most{l, 0, 0.0, 0.0, 0.0};
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0};
     for (std::size_t i = 0; i < fit.free.size(); ++i) {
       if (fit.free[i] < first || fit.free[i] >= first + count) continue;
-      const ParameterTrend trend =
-          parameter_trend(*task, data_->output_count(), fit, static_cast<Index>(i));
-      if (std::abs(trend.z) <= std::abs(most.z)) continue;
       const ParameterSpace& space = fit.model.space[fit.free[i]];
       const double value = fit.model.model.parameters[fit.free[i]].value;
-      const double half = 0.5 * trend.change * (space.logarithmic ? std::abs(value) : space.scale);
-      most = {l, fit.free[i] - first, value - half, value + half, trend.z};
+      const double unit = space.logarithmic ? std::abs(value) : space.scale;
+      for (const Covariate& with : covariates) {
+        const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
+        if (std::abs(trend.z) <= std::abs(most.z)) continue;
+        const double half = 0.5 * unit * trend.slope;
+        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z};
+      }
     }
     trends.push_back(most);
   }

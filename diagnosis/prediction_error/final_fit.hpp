@@ -17,6 +17,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <vector>
@@ -46,10 +47,13 @@ struct HeldOutError {
 // rms over outputs of errors over their scales.
 [[nodiscard]] double relative_size(const Eigen::VectorXd& error, const Eigen::VectorXd& scale);
 
-// A parameter of a law that changes along the recordings (parameter_trend.hpp), in its unit.
+// A parameter of a law that changes with what it should not depend on (parameter_trend.hpp), in its
+// unit.
 struct LawTrend {
+  enum class On : std::uint8_t { kTime, kPosition };
   std::size_t law = 0, parameter = 0;
-  double begin = 0.0, end = 0.0;
+  On on = On::kTime;
+  double from = 0.0, to = 0.0;  // with the time: first and last; along the way: least and most
   double z = 0.0;
 };
 
@@ -88,7 +92,7 @@ class FinalFit {
     Eigen::VectorXd deviation;  // of its logarithm, by blocks
   };
   [[nodiscard]] std::optional<Growth> growth() const;
-  // Of each law the parameter that changes most; none where all windows are whole recordings.
+  // Of each law what changes most surely; none where all windows are whole recordings.
   [[nodiscard]] std::vector<LawTrend> trends() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;

@@ -562,30 +562,36 @@ class DiagnosisBuilder {
     const std::vector<LawTrend> trends = final_->trends();
     const LawTrend* worst = nullptr;
     for (const LawTrend& trend : trends) {
-      const double larger = std::max(std::abs(trend.begin), std::abs(trend.end));
-      const bool is_much = std::abs(trend.end - trend.begin) > kTrendShare * larger;
+      const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
+      const bool is_much = std::abs(trend.to - trend.from) > kTrendShare * larger;
       if (is_much && (worst == nullptr || std::abs(trend.z) > std::abs(worst->z))) worst = &trend;
     }
-    const std::string test_name = "change of what was found along the recordings";
+    const std::string tested = "what was found changes with time or position";
     if (worst == nullptr) {
-      VerdictReason reason = test(test_name + ", standard errors", 0.0, kTrendErrors, true, "");
+      VerdictReason reason = test(tested + ", standard errors", 0.0, kTrendErrors, true, "");
       if (trends.empty()) reason.not_tested = "the recordings are one window each";
       list.push_back(std::move(reason));
       return;
     }
-    const LawParameterEstimate& parameter =
-        result_.effects[worst->law].law.parameters[worst->parameter];
-    const Hypothesis& hypothesis =
-        hypotheses_->hypotheses()[result_.effects[worst->law].law.hypothesis];
+    const FittedLaw& law = result_.effects[worst->law].law;
+    const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
+    const LawParameterEstimate& parameter = law.parameters[worst->parameter];
+    const bool is_time = worst->on == LawTrend::On::kTime;
     const double z = std::abs(worst->z);
+    const std::string how =
+        is_time ? fmt::format("about {:.3g} {} where recordings begin, {:.3g} where they end",
+                              worst->from, parameter.unit, worst->to)
+                : fmt::format("between about {:.3g} and {:.3g} {} along the way",
+                              std::min(worst->from, worst->to), std::max(worst->from, worst->to),
+                              parameter.unit);
     list.push_back(test(
-        fmt::format("{} ({} of {} at {}: about {:.3g} {} at their beginning, {:.3g} at their end), "
-                    "standard errors",
-                    test_name, parameter.name, hypothesis.law, hypothesis.place, worst->begin,
-                    parameter.unit, worst->end),
+        fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
+                    hypothesis.law, hypothesis.place, how),
         z, kTrendErrors, z <= kTrendErrors,
-        "look for what changes while it is recorded, as a temperature, a load or wear; record it, "
-        "and fit the beginning and the end by themselves"));
+        is_time ? "look for what changes while it is recorded, as a temperature, a load or wear; "
+                  "record it, and fit the beginning and the end by themselves"
+                : "look at the place where it changes, as a worn guide, a screw or a cable; record "
+                  "slow motion over the whole way"));
   }
 
   void add_growth(std::vector<VerdictReason>& list) const {

@@ -13,52 +13,61 @@ using Eigen::VectorXd;
 
 constexpr double kImitated = 1e-4;  // of the direction's square: the parameters take all of it
 
-// tau of each row.
-VectorXd times_of(const PredictionTask& task, Index outputs, Index rows) {
-  Index longest = 1;
-  for (const PredictionRun& run : task.runs) longest = std::max(longest, run.samples);
-  VectorXd times(rows);
-  Index row = 0;
-  for (const PredictionRun& run : task.runs) {
+MatrixXd basis_of(const MatrixXd& columns) {
+  if (columns.size() == 0) return {};
+  const VectorXd size = columns.colwise().norm().cwiseMax(1e-300);
+  const MatrixXd scaled = columns * size.cwiseInverse().asDiagonal();
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(scaled);
+  return qr.householderQ() * MatrixXd::Identity(columns.rows(), qr.rank());
+}
+
+}  // namespace
+
+ParameterTrends::ParameterTrends(const PredictionTask& task, Index outputs,
+                                 const PredictionFit& fit)
+    : task_(&task), outputs_(outputs), fit_(&fit), basis_(basis_of(fit.jacobian)) {}
+
+VectorXd ParameterTrends::time() const {
+  Index longest = 1, samples = 0;
+  for (const PredictionRun& run : task_->runs) {
+    longest = std::max(longest, run.samples);
+    samples += run.samples;
+  }
+  VectorXd times(samples);
+  Index at = 0;
+  for (const PredictionRun& run : task_->runs) {
     const double middle = 0.5 * static_cast<double>(run.samples - 1);
     for (Index k = 0; k < run.samples; ++k) {
-      const double tau = (static_cast<double>(k) - middle) / static_cast<double>(longest);
-      times.segment(row, outputs).setConstant(tau);
-      row += outputs;
+      times(at++) = (static_cast<double>(k) - middle) / static_cast<double>(longest);
     }
   }
   return times;
 }
 
-// `values` beside the space of the columns.
-VectorXd beside(const MatrixXd& columns, const VectorXd& values) {
-  const VectorXd size = columns.colwise().norm().cwiseMax(1e-300);
-  const MatrixXd scaled = columns * size.cwiseInverse().asDiagonal();
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(scaled);
-  VectorXd rotated = qr.householderQ().adjoint() * values;
-  rotated.head(qr.rank()).setZero();
-  return qr.householderQ() * rotated;
-}
-
-}  // namespace
-
-ParameterTrend parameter_trend(const PredictionTask& task, Index outputs, const PredictionFit& fit,
-                               Index column) {
-  const Index rows = fit.residuals.size();
-  if (fit.jacobian.rows() != rows || rows == 0 || fit.edges.size() < 2) return {};
-  const VectorXd moved = times_of(task, outputs, rows).cwiseProduct(fit.jacobian.col(column));
-  const VectorXd d = beside(fit.jacobian, moved);
+ParameterTrend ParameterTrends::with(const VectorXd& covariate, Index column) const {
+  const VectorXd& residuals = fit_->residuals;
+  if (covariate.size() * outputs_ != residuals.size() || basis_.rows() != residuals.size() ||
+      fit_->edges.size() < 2) {
+    return {};
+  }
+  VectorXd d = fit_->jacobian.col(column);
+  const double mean = covariate.mean();
+  for (Index k = 0; k < covariate.size(); ++k) {
+    d.segment(k * outputs_, outputs_) *= covariate(k) - mean;
+  }
+  const double moved = d.squaredNorm();
+  d -= basis_ * (basis_.transpose() * d);
   const double square = d.squaredNorm();
-  if (!(square > kImitated * moved.squaredNorm())) return {};
-  const double change = -d.dot(fit.residuals) / square;
+  if (!(square > kImitated * moved)) return {};
+  const double slope = -d.dot(residuals) / square;
   double variance = 0.0;  // of what the trend leaves: else a trend would pass for noise
-  for (std::size_t b = 0; b + 1 < fit.edges.size(); ++b) {
-    const Index from = fit.edges[b], count = fit.edges[b + 1] - from;
+  for (std::size_t b = 0; b + 1 < fit_->edges.size(); ++b) {
+    const Index from = fit_->edges[b], count = fit_->edges[b + 1] - from;
     const auto own = d.segment(from, count);
-    variance += std::pow(own.dot(fit.residuals.segment(from, count) + change * own), 2);
+    variance += std::pow(own.dot(residuals.segment(from, count) + slope * own), 2);
   }
   if (!(variance > 0.0)) return {};
-  return {change, change * square / std::sqrt(variance)};
+  return {slope, slope * square / std::sqrt(variance)};
 }
 
 }  // namespace graybox

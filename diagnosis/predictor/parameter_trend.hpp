@@ -1,15 +1,14 @@
-// Whether a fitted parameter changes along the recordings: friction that fades as a machine warms
-// up, a spring that sets.
+// Whether a fitted parameter changes with something that it should not depend on: with the time, as
+// friction that fades while a machine warms up; with the position, as friction of a worn guide.
 //
-// Beside theta let theta + a tau, tau the time within a recording about its middle, over the longest
-// recording's length. To first order the residuals then move by a d, d = tau j, j the parameter's
-// column of the Jacobian. With d beside the space of all columns (the parameters may take what they
-// can of it),
+// Beside theta let theta + a c, c the covariate of each sample about its mean. To first order the
+// residuals then move by a d, d = c j, j the parameter's column of the Jacobian. With d beside the
+// space of all columns (the parameters may take what they can of it),
 //
 //   a = -d'r / d'd,     z = a d'd / sqrt(sum over blocks of (d_b'(r_b + a d_b))^2).
 //
 // The blocks are those of left_out_blocks.hpp: residuals may have memory, and change in size (White,
-// Econometrica 48, 1980). Cost: a QR of the Jacobian.
+// Econometrica 48, 1980). Cost: a QR of the Jacobian, and a few products for each covariate.
 #pragma once
 
 #include "diagnosis/predictor/prediction_fit.hpp"
@@ -17,12 +16,26 @@
 namespace graybox {
 
 struct ParameterTrend {
-  double change = 0.0;  // a, in the coordinate of the Jacobian's column
-  double z = 0.0;       // 0: the recordings do not tell
+  double slope = 0.0;  // a, in the coordinate of the Jacobian's column over that of the covariate
+  double z = 0.0;      // 0: the recordings do not tell
 };
 
-// Of the parameter in this column of the fit's Jacobian. `task`: that of the fit.
-[[nodiscard]] ParameterTrend parameter_trend(const PredictionTask& task, Eigen::Index outputs,
-                                             const PredictionFit& fit, Eigen::Index column);
+class ParameterTrends {
+ public:
+  // Both are kept by reference. `task`: that of the fit.
+  ParameterTrends(const PredictionTask& task, Eigen::Index outputs, const PredictionFit& fit);
+
+  // Time within a recording, over the longest recording's length: -1/2 ... 1/2 at most. A value for
+  // each sample of all runs, as every covariate.
+  [[nodiscard]] Eigen::VectorXd time() const;
+  // Of the parameter in this column of the fit's Jacobian.
+  [[nodiscard]] ParameterTrend with(const Eigen::VectorXd& covariate, Eigen::Index column) const;
+
+ private:
+  const PredictionTask* task_;
+  Eigen::Index outputs_;
+  const PredictionFit* fit_;
+  Eigen::MatrixXd basis_;  // of the Jacobian's columns
+};
 
 }  // namespace graybox
