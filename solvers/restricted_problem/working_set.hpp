@@ -69,6 +69,8 @@ class WorkingSet {
   [[nodiscard]] std::size_t size() const { return indices_.size(); }
   [[nodiscard]] std::span<const std::size_t> indices() const { return indices_; }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
+  [[nodiscard]] std::size_t dimension() const { return dimension_; }
+  [[nodiscard]] std::span<const double> information() const { return matrix_; }  // M, packed
   [[nodiscard]] const InverseCholesky& inverse() const { return inverse_; }
   // How far rounding can move sensitivities that are computed with inverse(), relatively.
   [[nodiscard]] double sensitivity_error() const {
