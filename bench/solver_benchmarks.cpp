@@ -2,7 +2,8 @@
 // column Time is wall time; rates are per second of processor time.
 //
 //   stream_read/Q        a plain sum of the set's array: what memory allows
-//   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass
+//   pricing_pass/Q       w_i = tr(W H_i) for all candidates: one pass, on the robot's set
+//   pricing_pass/FAMILY/Q  the same on another family
 //   hessian_assembly/Q   sum_i s_i h_i h_i^T: the costly step of the dual interior point
 //   SOLVER/Q             a solve on the robot's set (beyond 7920: a finer grid)
 //   constrained/rows:M/Q 20 experiments on the robot's set under M random rows (none: the plain
@@ -11,8 +12,11 @@
 //                        dimension than its default is named FAMILY_D (legendre_31)
 //
 // Counters of a solve: asked_gap, what it was asked for; gap, what the checker found; solved, 1 if
-// that is enough; passes over the set; iterations; bytes/s of the set read; peak_memory_bytes of
-// the process so far, which never falls: compare it only between processes that run one benchmark.
+// that is enough; passes over the set; iterations; bytes/s of the set read; pass_times, the median
+// solve over the median pricing pass of the same run, both measured in turn, processor time;
+// peak_memory_bytes of the process so far, which never falls: compare it only between processes
+// that run one benchmark. Each solve of column_generation has another seed; counters other than
+// pass_times are those of the last.
 //
 // Sets are made on first use, so a filter saves their time; at most one large set is in memory:
 //   solver_benchmarks --benchmark_filter='(stream_read|pricing_pass|column_generation)/7920'
@@ -20,9 +24,11 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <string>
 #include <utility>
 #include <vector>
@@ -47,6 +53,7 @@ using graybox::Solver;
 using graybox::bench::benchmark_set;
 using graybox::bench::kFullSize;
 
+constexpr std::size_t kHundredThousand = 100'000;
 constexpr std::size_t kMillion = 1'000'000;
 constexpr std::size_t kQuadraticLimit = 1000;  // largest Q for solvers whose memory grows as Q^2
 constexpr double kConstrainedGap = 1e-9;
@@ -67,18 +74,55 @@ void stream_read(benchmark::State& state, std::size_t count) {
   set_byte_rate(state, set, 1.0);
 }
 
-void pricing_pass(benchmark::State& state, std::size_t count) {
-  const InformationSet& set = benchmark_set("robot", count);
+void price_once(const InformationSet& set, const std::vector<double>& dual,
+                std::vector<double>& prices) {
+  graybox::kernels().price(set.data(), set.candidate_count(), set.packed_size(), dual.data(),
+                           prices.data());
+  benchmark::DoNotOptimize(prices.data());
+  benchmark::ClobberMemory();
+}
+
+void pricing_pass(benchmark::State& state, const std::string& family, std::size_t count) {
+  const InformationSet& set = benchmark_set(family, count);
   const std::vector<double> dual(set.packed_size(), 1.0);
   std::vector<double> prices(set.candidate_count());
-  for (auto _ : state) {
-    graybox::kernels().price(set.data(), set.candidate_count(), set.packed_size(), dual.data(),
-                             prices.data());
-    benchmark::DoNotOptimize(prices.data());
-    benchmark::ClobberMemory();
-  }
+  for (auto _ : state) price_once(set, dual, prices);
   set_byte_rate(state, set, 1.0);
 }
+
+double processor_seconds() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+// Solves and pricing passes of one run, in turn.
+class PassTimes {
+ public:
+  explicit PassTimes(const InformationSet& set)
+      : set_(set), dual_(set.packed_size(), 1.0), prices_(set.candidate_count()) {}
+
+  void add_solve(double seconds) { solves_.push_back(seconds); }
+  void add_pass() {
+    // Small sets are read a few times over, so that the clock's own time does not matter.
+    const std::size_t times = 1 + kValues / (set_.candidate_count() * set_.packed_size());
+    const double before = processor_seconds();
+    for (std::size_t k = 0; k < times; ++k) price_once(set_, dual_, prices_);
+    passes_.push_back((processor_seconds() - before) / static_cast<double>(times));
+  }
+  [[nodiscard]] double ratio() const { return median(solves_) / median(passes_); }
+
+ private:
+  static constexpr std::size_t kValues = 1'000'000;
+  const InformationSet& set_;
+  std::vector<double> dual_, prices_, solves_, passes_;
+};
 
 void hessian_assembly(benchmark::State& state, std::size_t count) {
   const InformationSet& set = benchmark_set("robot", count);
@@ -97,9 +141,20 @@ void hessian_assembly(benchmark::State& state, std::size_t count) {
 void solve(benchmark::State& state, const Solver& solver, const std::string& family,
            std::size_t count, double gap) {
   const InformationSet& set = benchmark_set(family, count);
-  const graybox::SolveOptions options{.duality_gap = gap, .time_limit = kTimeLimit};
+  graybox::SolveOptions options{.duality_gap = gap, .time_limit = kTimeLimit};
   graybox::Solution solution;
-  for (auto _ : state) solution = solver.solve(set, options);
+  PassTimes times(set);
+  options.seed = 0;
+  for (auto _ : state) {
+    ++options.seed;
+    const double before = processor_seconds();
+    solution = solver.solve(set, options);
+    const double after = processor_seconds();
+    state.PauseTiming();
+    times.add_solve(after - before);
+    times.add_pass();
+    state.ResumeTiming();
+  }
   const graybox::SolveReport report = graybox::judge(set, solver.name(), options, solution);
   const bool solved = report.status == graybox::ReportStatus::kSolved;
   if (!solved) state.SetLabel(std::string(to_string(report.status)));
@@ -107,6 +162,7 @@ void solve(benchmark::State& state, const Solver& solver, const std::string& fam
   state.counters["gap"] = report.certificate.duality_gap;
   state.counters["solved"] = solved ? 1.0 : 0.0;
   state.counters["passes"] = report.counters.passes;
+  state.counters["pass_times"] = times.ratio();
   state.counters["iterations"] = static_cast<double>(report.counters.iterations);
   state.counters["peak_memory_bytes"] = static_cast<double>(report.peak_memory_bytes);
   set_byte_rate(state, set, report.counters.passes);
@@ -169,9 +225,15 @@ void register_constrained() {
   }
 }
 
+void register_pass(const std::string& family, std::size_t count) {
+  const std::string middle = family == "robot" ? "" : "/" + family;
+  benchmark::RegisterBenchmark(fmt::format("pricing_pass{}/{}", middle, count).c_str(),
+                               pricing_pass, family, count);
+}
+
 void register_passes(std::size_t count) {
   benchmark::RegisterBenchmark(fmt::format("stream_read/{}", count).c_str(), stream_read, count);
-  benchmark::RegisterBenchmark(fmt::format("pricing_pass/{}", count).c_str(), pricing_pass, count);
+  register_pass("robot", count);
 }
 
 void register_solver(const Solver& solver) {
@@ -186,21 +248,33 @@ void register_solver(const Solver& solver) {
   }
 }
 
+// A pass and a solve on one set, before the next is made.
+void register_pair(const Solver& column_generation, const std::string& family, std::size_t count) {
+  register_pass(family, count);
+  register_solve(column_generation, family, count);
+}
+
 // Smooth curves on grids of 1e3 to 1e5, up to polynomials of degree 30.
 void register_curves(const Solver& column_generation) {
-  for (const std::size_t count : {std::size_t{1000}, std::size_t{10'000}, std::size_t{100'000}}) {
+  for (const std::size_t count : {std::size_t{1000}, std::size_t{10'000}, kHundredThousand}) {
     for (const char* family : {"legendre", "legendre_20", "legendre_31", "chebyshev", "monomials",
                                "splines", "splines_31", "exponentials"}) {
-      register_solve(column_generation, family, count);
+      register_pair(column_generation, family, count);
     }
   }
 }
 
-// Everything on one large set before the next is made.
+void register_hundred_thousand(const Solver& column_generation) {
+  for (const char* family : {"rob", "wis", "flat", "smo", "smr6", "r1g", "r1l"}) {
+    register_pair(column_generation, family, kHundredThousand);
+  }
+}
+
 void register_million(const Solver& column_generation) {
   register_passes(kMillion);
-  for (const char* family : {"robot", "rob", "wis", "flat", "smo", "smr6"}) {
-    register_solve(column_generation, family, kMillion);
+  register_solve(column_generation, "robot", kMillion);
+  for (const char* family : {"rob", "wis", "flat", "smo", "smr6", "r1g"}) {
+    register_pair(column_generation, family, kMillion);
   }
 }
 
@@ -214,7 +288,11 @@ int run(int argc, char** argv) {
   for (const auto& entry : registry.entries()) {
     if (entry.solver != nullptr) register_solver(*entry.solver);
   }
+  for (const std::string& family : graybox::bench::study_families()) {
+    register_pass(family, kFullSize);
+  }
   register_curves(registry.at("column_generation"));
+  register_hundred_thousand(registry.at("column_generation"));
   register_million(registry.at("column_generation"));
   register_constrained();
   benchmark::Initialize(&argc, argv);

@@ -11,6 +11,7 @@
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/core/claim.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/exchange/cocktail.hpp"
 #include "solvers/exchange/fedorov_wynn.hpp"
 #include "solvers/exchange/randomized_exchange.hpp"
@@ -43,6 +44,7 @@ class CheckedSolver final : public Solver {
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const override {
     options.criterion.require_fits(set);
+    if (!options.start.empty()) require_start(options.start, set, *solver_);
     const CriterionKind asked = options.criterion.kind();
     const std::vector<CriterionKind> known = solver_->traits().criteria;
     if (std::ranges::find(known, asked) != known.end()) {

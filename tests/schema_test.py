@@ -37,6 +37,7 @@ CASES = [
      "--set {file}.h5", "design"),
     ("report", "solve set.h5 --stock 2 --experiments 20 --criterion A --json -o {file}", "design"),
     ("report", "solve set.h5 --solver multiplicative --iteration-limit 2 --json", None),
+    ("report", "solve set.h5 --start first.json --json -o {file}", "design"),
     ("report", "check set.h5 first.json --json", None),
     ("exact", "exact set.h5 -M 7 --json -o {file}", "design"),
     ("exact", "exact set.h5 -M 7 --method rounding --json -o {file}", "design"),

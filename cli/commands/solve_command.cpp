@@ -45,6 +45,7 @@ struct SolveArguments {
   CriterionArguments criterion;
   RequestArguments request;
   DesignOutputArguments shown;
+  std::string start;
   std::string trace;
   std::string output;
   bool json = false;
@@ -191,6 +192,20 @@ void require_floors_alone(const SolveArguments& arguments, bool has_request) {
   }
 }
 
+// Throws InputError for back-ends and requests that can't begin from a design.
+void require_start_fits(const SolveArguments& arguments, const Solver& solver, bool has_request) {
+  if (arguments.start.empty()) return;
+  if (has_request || !arguments.criterion.floor.empty()) {
+    throw InputError(
+        "--start can't be combined with constraints, costs, earlier trials or floors; leave it "
+        "out");
+  }
+  if (!solver.traits().takes_start) {
+    throw InputError(fmt::format("--start: {} can't begin from a design; leave it out or use {}",
+                                 solver.name(), ColumnGeneration().name()));
+  }
+}
+
 int solve(const SolveArguments& arguments, Invocation& invocation) {
   DesignOutput shown(arguments.shown, invocation.arguments);
   arguments.criterion.require_consistent();
@@ -200,6 +215,7 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const Solver& solver = registry.at(arguments.solver);
   if (request.any()) require_constrained(arguments);
   require_floors_alone(arguments, request.any());
+  require_start_fits(arguments, solver, request.any());
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const ProjectedSet read = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
@@ -218,6 +234,11 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   }
   if (std::vector<EfficiencyFloor> floors = arguments.criterion.read_floors(set); !floors.empty()) {
     return solve_floors(arguments, read, options, std::move(floors), shown);
+  }
+  Design start;  // outlives the run
+  if (!arguments.start.empty()) {
+    start = read_design(arguments.start, set, WeightCheck::kRepaired).design;
+    options.start = start.weights;
   }
   const Solution solution = run(solver, set, options);
   SolveReport report = judge(set, solver.name(), options, solution);
@@ -249,8 +270,10 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   auto arguments = std::make_shared<SolveArguments>();
   SolveOptions& options = arguments->options;
   add_set_options(*command, arguments->set);
-  command->add_option("--solver", arguments->solver, "back-end, see 'graybox solvers'")
-      ->capture_default_str();
+  command->add_option("--solver", arguments->solver,
+                      "back-end (column_generation), see 'graybox solvers'");
+  command->add_option("--start", arguments->start,
+                      "design of this set to begin from: a file that -o has written");
   add_criterion_options(*command, arguments->criterion);
   add_floor_option(*command, arguments->criterion);
   add_request_options(*command, arguments->request);

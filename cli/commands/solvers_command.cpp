@@ -28,6 +28,7 @@ void print_json(const SolverRegistry& registry) {
     list.push_back({{"name", entry.name},
                     {"description", entry.description},
                     {"criteria", criteria(entry)},
+                    {"takes_start", entry.solver != nullptr && entry.solver->traits().takes_start},
                     {"available", entry.solver != nullptr},
                     {"reason", entry.unavailable_because}});
   }
@@ -60,8 +61,9 @@ void print_table(const SolverRegistry& registry) {
 void add_solvers_command(CLI::App& app, Invocation& /*invocation*/) {
   auto* command = app.add_subcommand("solvers", "List the back-ends of this build");
   auto json = std::make_shared<bool>(false);
-  command->add_flag("--json", *json,
-                    "one line: [{name, description, criteria, available, reason}, ...]");
+  command->add_flag(
+      "--json", *json,
+      "one line: [{name, description, criteria, takes_start, available, reason}, ...]");
   command->footer("Example:\n  graybox solvers --json");
   command->callback([json] {
     const SolverRegistry registry = make_registry();

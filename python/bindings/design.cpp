@@ -18,6 +18,7 @@
 #include "python/bindings/plain_objects.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/constrained/constrained_design_file.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -115,9 +116,18 @@ py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py:
   const InformationSet& set = python_set.set();
   const std::string name = py::cast<std::string>(arguments["solver"]);
   const Solver& solver = registry().at(name);
-  const SolveOptions options = options_of(arguments, set);
+  SolveOptions options = options_of(arguments, set);
   DesignRequest request = request_of(asked);
   require_regular(python_set, request);
+  std::vector<double> start;  // outlives the run
+  if (arguments.contains("start") && !arguments["start"].is_none()) {
+    if (request.any()) {
+      throw InputError("start can't be combined with constraints, costs or earlier trials");
+    }
+    start = number_list(arguments["start"], "start");
+    require_start(start, set, solver);
+    options.start = start;
+  }
   Call call(progress);
   if (request.any()) return solve_request(python_set, name, options, std::move(request), call);
   SolveWatch watch(call, name);
@@ -237,6 +247,7 @@ py::list solver_list() {
       }
     }
     each["criteria"] = criteria;
+    each["takes_start"] = entry.solver != nullptr && entry.solver->traits().takes_start;
     list.append(each);
   }
   return list;

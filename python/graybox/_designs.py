@@ -29,7 +29,7 @@ def _information(H, request, psd_tolerance=1e-6):
 
 
 def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, interest=None,
-          region=None, p=None, time_limit=None, iteration_limit=0, seed=1, threads=1,
+          region=None, p=None, start=None, time_limit=None, iteration_limit=0, seed=1, threads=1,
           psd_tolerance=1e-6, progress=None, **request):
     """The best design, certified: the share of the experiments that each candidate gets.
 
@@ -37,6 +37,7 @@ def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, int
     criterion: "D", "A", "E", "L" with W (a matrix, or the vector c of one combination), "Ds" with
     interest (names or indices of parameters), "c" with W (a vector, or rows of them), "I" or "G" with
     region (rows of regressors; None: the candidates), or "phi_p" with p.
+    start: a Design, or Q weights, to begin from.
     request: experiments, budget, prior, done, costs, stock, require, forbid, constraints, and rows
     A_ub x <= b_ub, A_eq x = b_eq of the numbers of experiments x.
     """
@@ -45,7 +46,8 @@ def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, int
     asked = {"criterion": criterion, "W": W, "interest": interest, "region": region, "p": p,
              "gap": gap}
     run = {"solver": solver, "time_limit": time_limit, "iteration_limit": iteration_limit,
-           "seed": seed, "threads": threads}
+           "seed": seed, "threads": threads,
+           "start": start.weights if isinstance(start, Design) else start}
     with Line(progress) as show:
         fields = _graybox.solve(information, {**asked, **run}, request, show)
     interrupted = fields.pop("interrupted")
@@ -101,7 +103,8 @@ def certify_exact(H, counts, *, bound=float("inf"), psd_tolerance=1e-6):
 
 
 def solvers():
-    """The back-ends: a list of dicts with name, description, criteria and whether it is there."""
+    """The back-ends: a list of dicts with name, description, criteria, whether it is there, and
+    whether it takes a start."""
     return _graybox.solver_list()
 
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,11 +17,13 @@
 #include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/criterion_column_generation.hpp"
 #include "solvers/column_generation/fallback.hpp"
+#include "solvers/column_generation/priced_set.hpp"
 #include "solvers/column_generation/screening.hpp"
 #include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/column_generation/well_conditioned_start.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 
@@ -28,10 +31,16 @@ namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kForgivenShare = 0.1;  // of the gap asked for that rounding may hide
+constexpr double kForgivenShare = 0.1;    // of the gap asked for that rounding may hide
+constexpr std::size_t kFewestStages = 4;  // of a pass: with fewer, a sample does as well
 
 std::string rounding_message(double error) {
   return fmt::format("rounding hides up to {:.1e} of the gap", error);
+}
+
+// Length of a short list of these candidates.
+std::size_t wanted_of(const CandidatePool& all) {
+  return std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
 }
 
 // Whose coordinates a run works in: the set's own, which it leaves where rounding hides too much of
@@ -48,6 +57,7 @@ class ColumnGenerationRun {
         tracer_(tracer),
         working_(set.dimension()),
         random_(options.seed),
+        priced_(set, options.threads, random_),
         dimension_(static_cast<double>(set.dimension())) {}
 
   MethodOutcome run();
@@ -60,8 +70,13 @@ class ColumnGenerationRun {
     return options_.iteration_limit > 0 && rounds_ >= options_.iteration_limit;
   }
   bool improve(double gap, double tolerance);
+  [[nodiscard]] bool begin_from_start();
   [[nodiscard]] bool warm_up();
+  void pass_in_stages();
+  [[nodiscard]] std::optional<CandidatePool> price_open(double error, double& gap);
+  [[nodiscard]] bool rounding_hides_too_much() const;
   [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
+  [[nodiscard]] static CandidatePool largest_of(const CandidatePool& all);
   void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
   [[nodiscard]] MethodOutcome finish(SolveStatus status, std::string message = {}) const;
 
@@ -71,8 +86,10 @@ class ColumnGenerationRun {
   Tracer& tracer_;
   WorkingSet working_;
   Random random_;
+  PricedSet priced_;
   double dimension_;
   std::int64_t rounds_ = 0;
+  bool start_unused_ = false;
   BestDesign best_;
 };
 
@@ -111,7 +128,18 @@ void ColumnGenerationRun::solve_pool(CandidatePool& pool, double tolerance, int 
   }
 }
 
-// A rough design from a sample, and for large sets from a larger sample after it.
+// The design that is given, if any, with the best weights on its support. False where there is none
+// or its information matrix is singular.
+bool ColumnGenerationRun::begin_from_start() {
+  constexpr int kStepLimit = 10;
+  if (options_.start.empty()) return false;
+  start_unused_ = !start_from_design(set_, simplex_start(options_.start), tracer_, working_);
+  if (start_unused_) return false;
+  working_.optimise(0.5 * options_.duality_gap, kStepLimit);
+  return true;
+}
+
+// A rough design from a sample.
 bool ColumnGenerationRun::warm_up() {
   constexpr double kRoughGap = 0.03;
   const std::size_t total = set_.candidate_count();
@@ -121,26 +149,73 @@ bool ColumnGenerationRun::warm_up() {
   if (!well_conditioned_start(set_, sample, random_, tracer_, working_)) return false;
   working_.optimise(kRoughGap, 4);
   if (first < total) solve_pool(sample, kRoughGap, 4);
-  for (std::size_t size = 16 * first; size * 4 < total; size *= 16) {
-    sample = sample_pool(total, size, random_);
-    solve_pool(sample, kRoughGap, 3);
-  }
   return true;
 }
 
+// A first pass over a large set, and a design that is nearly optimal. Each stage is priced with the
+// design that the stages before it have led to. Where rounds, time or digits run out, the pass ends
+// early, and the next one is over the whole set.
+void ColumnGenerationRun::pass_in_stages() {
+  constexpr double kRoughGap = 0.003;
+  constexpr double kHigh = 0.9;  // of d: the candidates of a stage on which to go on
+  constexpr int kRounds = 3;
+  for (std::size_t stage = 0; stage < priced_.stages(); ++stage) {
+    if (out_of_rounds() || tracer_.out_of_time() || rounding_hides_too_much()) return;
+    tracer_.count_candidates(priced_.price_stage(stage, working_));
+    if (stage + 1 == priced_.stages()) break;
+    CandidatePool high = priced_.high(stage, kHigh * dimension_);
+    const double gap = high.count > 0 ? high.largest() / dimension_ - 1.0 : 0.0;
+    if (gap <= kRoughGap) continue;
+    add_violators(high);
+    improve(gap, kRoughGap);
+    solve_pool(high, kRoughGap, kRounds);
+  }
+  const double asked = options_.duality_gap;
+  CandidatePool list = largest_of(priced_.all());
+  add_violators(list);
+  improve(std::max(asked, std::ranges::max(list.sensitivities()) / dimension_ - 1.0), asked);
+  solve_pool(list, 0.5 * asked, 30);
+}
+
+bool ColumnGenerationRun::rounding_hides_too_much() const {
+  return coordinates_ == Coordinates::kOwn &&
+         working_.sensitivity_error() > kForgivenShare * options_.duality_gap;
+}
+
+// The gap over the whole set. Where the last pass leaves few candidates open, these are priced and
+// returned. What it bounds is bounded so low that this gap and its rounding error together may
+// still be what is asked. Else all are priced.
+std::optional<CandidatePool> ColumnGenerationRun::price_open(double error, double& gap) {
+  const double asked = options_.duality_gap;
+  if (error < 0.5 * asked) {
+    const double bounded = 0.5 * (asked - error);
+    std::optional<CandidatePool> open = priced_.open(working_, dimension_ * (1.0 + bounded));
+    if (open) {
+      gap = std::max(price(*open) / dimension_ - 1.0, bounded);
+      return open;
+    }
+  }
+  priced_.price(working_);
+  tracer_.count_passes(1.0);
+  gap = priced_.all().largest() / dimension_ - 1.0;
+  return std::nullopt;
+}
+
 MethodOutcome ColumnGenerationRun::run() {
-  if (!warm_up()) {
+  const bool warm = begin_from_start();
+  if (!warm && !warm_up()) {
     return finish(SolveStatus::kUnsupported,
                   "the sum of all information matrices is singular in double precision");
   }
+  if (!warm && priced_.stages() >= kFewestStages) pass_in_stages();
   const double asked = options_.duality_gap;
-  CandidatePool all = sample_pool(set_.candidate_count(), set_.candidate_count(), random_);
   for (int passes_without_progress = 0;;) {
     const double error = working_.sensitivity_error();
-    if (coordinates_ == Coordinates::kOwn && error > kForgivenShare * asked) {
+    if (rounding_hides_too_much()) {
       return finish(SolveStatus::kNumericalFailure, rounding_message(error));
     }
-    const double gap = price(all) / dimension_ - 1.0;
+    double gap = 0.0;
+    const std::optional<CandidatePool> open = price_open(error, gap);
     tracer_.record(gap, rounds_);
     passes_without_progress = gap < 0.9 * best_.gap() ? 0 : passes_without_progress + 1;
     best_.offer(gap, working_.indices(), working_.weights());
@@ -154,20 +229,26 @@ MethodOutcome ColumnGenerationRun::run() {
       return finish(SolveStatus::kNumericalFailure,
                     fmt::format("rounding keeps the gap at {:.1e}", best_.gap()));
     }
+    const CandidatePool& seen = open ? *open : priced_.all();
     CandidatePool list =
-        short_list(all);  // before the working set moves: the rules hold for this design
-    add_violators(all);
+        short_list(seen);  // before the working set moves: the rules hold for this design
+    add_violators(seen);
     improve(gap, asked);
     solve_pool(list, 0.5 * asked, 30);
   }
 }
 
-// The candidates on which to go on after a pass over the whole set. Where the safe rules leave few
-// enough, those: they hold every support point, so that the next pass over the set is the last.
-// Otherwise about as many as are wanted of the largest sensitivities, a guess that the next pass
-// corrects; its threshold is a quantile of a sample.
+// About as many as are wanted of the largest sensitivities, by a quantile of a sample.
+CandidatePool ColumnGenerationRun::largest_of(const CandidatePool& all) {
+  SensitivitySample sample(all.sensitivity.span());
+  return pool_above(all, all.sensitivity.span(), sample.exceeded_by(wanted_of(all)));
+}
+
+// The candidates on which to go on after candidates of the set were priced. Where the safe rules
+// leave few enough, those: they hold every support point among the candidates priced. Otherwise
+// those of the largest sensitivities. Either is a guess that the next look at the set corrects.
 CandidatePool ColumnGenerationRun::short_list(const CandidatePool& all) {
-  const std::size_t wanted = std::clamp(all.count / 64, std::size_t{512}, std::size_t{16384});
+  const std::size_t wanted = wanted_of(all);
   if (all.count <= 2 * wanted) return pool_above(all, all.sensitivity.span(), -kInfinity);
   SensitivitySample sample(all.sensitivity.span());
   const double largest = all.largest();
@@ -210,14 +291,15 @@ void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_s
 MethodOutcome ColumnGenerationRun::finish(SolveStatus status, std::string message) const {
   Design design;
   if (status != SolveStatus::kUnsupported) design = best_.design(set_.candidate_count());
+  if (start_unused_) message = without_start(message);
   return {std::move(design), status, best_.gap(), working_.sensitivity_error(), rounds_,
           std::move(message)};
 }
 
 // A D-optimal design that is good enough to start from, then the criterion's own method.
-Solution solve_other_criterion(const InformationSet& set, const SolveOptions& options,
-                               Tracer& tracer) {
+Solution solve_from_rough(const InformationSet& set, const SolveOptions& options, Tracer& tracer) {
   SolveOptions rough = options;
+  rough.start = {};
   rough.criterion = Criterion();
   rough.duality_gap = std::max(0.1, options.duality_gap);
   rough.iteration_limit = 0;
@@ -225,6 +307,26 @@ Solution solve_other_criterion(const InformationSet& set, const SolveOptions& op
   tracer.count_passes(start.counters.passes);
   if (start.status == SolveStatus::kUnsupported) return start;
   return solve_criterion(set, options, start.design, tracer);
+}
+
+// The same from the design that is given. Where it is singular, or leads nowhere, as without it.
+Solution solve_other_criterion(const InformationSet& set, const SolveOptions& options,
+                               Tracer& tracer) {
+  if (options.start.empty()) return solve_from_rough(set, options, tracer);
+  WorkingSet working(set.dimension());
+  if (!start_from_design(set, simplex_start(options.start), tracer, working)) {
+    Solution solution = solve_from_rough(set, options, tracer);
+    solution.message = without_start(solution.message);
+    return solution;
+  }
+  Design start;
+  start.weights.assign(set.candidate_count(), 0.0);
+  for (std::size_t k = 0; k < working.size(); ++k) {
+    start.weights[working.indices()[k]] = working.weights()[k];
+  }
+  Solution solution = solve_criterion(set, options, start, tracer);
+  if (solution.status != SolveStatus::kNumericalFailure) return solution;
+  return solve_from_rough(set, options, tracer);
 }
 
 [[nodiscard]] bool wants_better_coordinates(const MethodOutcome& outcome) {

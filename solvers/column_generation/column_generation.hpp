@@ -11,9 +11,10 @@
 // large sets a larger sample, and then the whole set. Each pass over the whole set yields the gap
 // max_i w_i / d - 1 of a design and upper bounds that remove candidates for good (screening.hpp).
 // It also yields a short list of those with the largest sensitivities. On these the next rounds run
-// to full precision before the set is read again. It stops on a pass over ALL candidates in double
-// precision, and claims only what it can know: the gap and the bound on its rounding error
-// (sensitivity_error.hpp) together are at most the gap asked for.
+// to full precision before the set is read again. Of the set, only those candidates are then read
+// that the last pass over all of them does not bound (lazy_bound.hpp). It stops when ALL candidates
+// are priced or bounded, and claims only what it can know: the gap and the bound on its rounding
+// error (sensitivity_error.hpp) together are at most the gap asked for.
 //
 // Ties and duplicates need care. The first working set is well conditioned
 // (well_conditioned_start.hpp), and never made of the largest sensitivities, which may all point
@@ -29,7 +30,11 @@
 // Criteria other than D start from a rough D-optimal design and go on with
 // criterion_column_generation.hpp.
 //
-// Cost: 2 Q p flops and one read of the set a pass, 2 to 4 passes in practice; per Newton step
+// The support of a design that is given (SolveOptions::start) is the first working set, with the
+// best weights on it (well_conditioned_start.hpp). The first pass over the whole set comes at once.
+// A design that is optimal already costs that pass and no more.
+//
+// Cost: 2 Q p flops and one read of the set a pass, 1.2 to 3 passes in practice; per Newton step
 // n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.
 #pragma once
@@ -48,6 +53,7 @@ class ColumnGeneration : public Solver {
     return {.reachable_gap = 1e-9,
             .memory_exponent = 1,
             .randomised = true,
+            .takes_start = true,
             .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kE, CriterionKind::kL,
                          CriterionKind::kDs, CriterionKind::kC, CriterionKind::kI,
                          CriterionKind::kPhiP, CriterionKind::kG, CriterionKind::kCompound}};

@@ -27,7 +27,10 @@ class WeightedPool {
   }
 
   [[nodiscard]] bool weigh(bool equalise, Random& random, Tracer& tracer);
+  // The weights given instead, one for each candidate of the pool.
+  void take_weights(std::vector<double> weights, Tracer& tracer);
   [[nodiscard]] bool choose(WorkingSet& working);
+  [[nodiscard]] bool take_all(WorkingSet& working) const;
 
  private:
   [[nodiscard]] std::size_t p() const { return set_.packed_size(); }
@@ -75,6 +78,13 @@ bool WeightedPool::weigh(bool equalise, Random& random, Tracer& tracer) {
   return true;
 }
 
+void WeightedPool::take_weights(std::vector<double> weights, Tracer& tracer) {
+  weights_ = std::move(weights);
+  matrix_.assign(p(), 0.0);
+  kernels().accumulate(rows_.data(), candidates_.size(), p(), weights_.data(), matrix_.data());
+  tracer.count_candidates(candidates_.size());
+}
+
 std::vector<std::size_t> WeightedPool::heaviest(std::size_t wanted) {
   if (order_.empty()) {
     order_.resize(candidates_.size());
@@ -116,7 +126,11 @@ bool WeightedPool::choose(WorkingSet& working) {
     if (take(heaviest(wanted), working)) return true;
     if (take(heaviest_of_stretches(wanted), working)) return true;
   }
-  std::vector<std::size_t> all(count);
+  return take_all(working);
+}
+
+bool WeightedPool::take_all(WorkingSet& working) const {
+  std::vector<std::size_t> all(candidates_.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
   static_cast<void>(take(all, working));  // it is the pool: nothing is lost
   return working.refresh();
@@ -139,6 +153,21 @@ bool well_conditioned_start(const InformationSet& set, const CandidatePool& pool
   std::iota(candidates.begin(), candidates.end(), std::size_t{0});
   return start_from(set, candidates, false, random, tracer, working) ||
          start_from(set, candidates, true, random, tracer, working);
+}
+
+bool start_from_design(const InformationSet& set, std::span<const double> weights, Tracer& tracer,
+                       WorkingSet& working) {
+  std::vector<std::size_t> support;
+  std::vector<double> positive;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    if (!(weights[i] > 0.0)) continue;
+    support.push_back(i);
+    positive.push_back(weights[i]);
+  }
+  const bool is_short = support.size() <= set.packed_size() + 1;
+  WeightedPool pool(set, std::move(support));
+  pool.take_weights(std::move(positive), tracer);
+  return is_short ? pool.take_all(working) : pool.choose(working);
 }
 
 }  // namespace graybox

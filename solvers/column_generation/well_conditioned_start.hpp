@@ -22,8 +22,14 @@
 // set takes its place. Last comes the whole set with weights that give each candidate's matrix the
 // same size.
 //
+// A design that is given takes the place of the multiplicative steps: its support becomes the
+// working set. No optimal design needs more than p + 1 points (Caratheodory), so of a longer
+// support only the heaviest are taken, chosen and tested as above.
+//
 // Cost: kSteps + 1 reads of the pool, O(m d^2 + d^3) a choice.
 #pragma once
+
+#include <span>
 
 #include "problems/base/random.hpp"
 #include "problems/information/information_set.hpp"
@@ -37,5 +43,10 @@ namespace graybox {
 // `random` breaks ties between candidates that are images of one another.
 [[nodiscard]] bool well_conditioned_start(const InformationSet& set, const CandidatePool& pool,
                                           Random& random, Tracer& tracer, WorkingSet& working);
+
+// Fills `working` from the weights of a design, one for each candidate, refreshed. False where the
+// design's information matrix is singular in double precision. Reads the support.
+[[nodiscard]] bool start_from_design(const InformationSet& set, std::span<const double> weights,
+                                     Tracer& tracer, WorkingSet& working);
 
 }  // namespace graybox

@@ -21,6 +21,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -51,6 +52,9 @@ struct SolveOptions {
   std::uint64_t seed = 1;    // of the randomised methods; equal seeds give equal answers
   int threads = 1;           // the answer does not depend on it
   Criterion criterion = {};  // D; others only where the back-end's traits list them
+  // Weights to begin from (warm_start.hpp), length Q; empty for the back-end's own start. Only
+  // where the back-end's traits say takes_start. The caller keeps them alive.
+  std::span<const double> start = {};
 };
 
 // One point of a run's history. `passes` counts bytes of the set read, over the bytes of the set.
@@ -97,6 +101,7 @@ struct SolverTraits {
   double reachable_gap = 1e-9;  // checked gap it reaches on well-posed sets of moderate size
   int memory_exponent = 1;      // memory grows as Q^memory_exponent
   bool randomised = false;      // the path depends on options.seed
+  bool takes_start = false;     // begins from options.start where there is one
   // The criteria it can solve for.
   std::vector<CriterionKind> criteria = {CriterionKind::kD};
 };
@@ -109,7 +114,8 @@ class Solver {
   [[nodiscard]] virtual SolverTraits traits() const { return {}; }
   // Throws InputError for options out of range (gap <= 0, negative limits). A back-end need not
   // look at options.criterion unless its traits list more than D: the registry hands out every
-  // back-end behind a check that answers `unsupported` for the others.
+  // back-end behind a check that answers `unsupported` for the others. Likewise options.start is
+  // checked there, and refused where the traits do not have takes_start.
   [[nodiscard]] virtual Solution solve(const InformationSet& set, const SolveOptions& options,
                                        SolveObserver* observer = nullptr) const = 0;
 };

@@ -28,6 +28,7 @@ class Cocktail final : public Solver {
   [[nodiscard]] std::string_view description() const override {
     return "vertex direction, nearest-neighbour exchanges and a multiplicative step in turn";
   }
+  [[nodiscard]] SolverTraits traits() const override { return {.takes_start = true}; }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;
 };

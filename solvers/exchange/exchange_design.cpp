@@ -28,12 +28,22 @@ ExchangeDesign::ExchangeDesign(const InformationSet& set)
       full_(set.dimension() * set.dimension()),
       product_(set.dimension() * set.dimension()) {}
 
-bool ExchangeDesign::assign(std::span<const std::size_t> candidates) {
+void ExchangeDesign::clear() {
   for (const std::size_t i : support_) {
     weights_[i] = 0.0;
     place_[i] = kNowhere;
   }
   support_.clear();
+}
+
+bool ExchangeDesign::assign_weights(std::span<const double> weights) {
+  clear();
+  for (std::size_t i = 0; i < weights.size(); ++i) set_weight(i, weights[i]);
+  return refresh();
+}
+
+bool ExchangeDesign::assign(std::span<const std::size_t> candidates) {
+  clear();
   const double share = 1.0 / static_cast<double>(candidates.size());
   for (const std::size_t i : candidates) set_weight(i, weights_[i] + share);
   return refresh();

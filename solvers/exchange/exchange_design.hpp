@@ -28,6 +28,8 @@ class ExchangeDesign {
   // Equal weights on the candidates listed; one listed k times has k shares. False if M is
   // singular.
   [[nodiscard]] bool assign(std::span<const std::size_t> candidates);
+  // The weights given, one for each candidate. False if M is singular.
+  [[nodiscard]] bool assign_weights(std::span<const double> weights);
 
   // Sums M from the weights, scaled to total 1, and factors it. False if M is singular.
   // Reads the candidates of the support.
@@ -65,6 +67,7 @@ class ExchangeDesign {
   [[nodiscard]] std::size_t take_candidates_read();
 
  private:
+  void clear();
   void set_weight(std::size_t i, double weight);
   void set_line(std::span<const double> packed_direction, double shift);
   bool accept(double step, std::span<const double> packed_direction);

@@ -10,6 +10,7 @@
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/core/claim.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/exchange/start_design.hpp"
 
 namespace graybox {
@@ -34,7 +35,7 @@ class ProgressWatch {
   double last_ = -std::numeric_limits<double>::infinity();
 };
 
-bool start(const ConditionedSet& conditioned, Tracer& tracer, ExchangeDesign& design) {
+bool own_start(const ConditionedSet& conditioned, Tracer& tracer, ExchangeDesign& design) {
   if (design.assign(start_design(conditioned, tracer))) return true;
   std::vector<std::size_t> all(conditioned.set().candidate_count());
   std::iota(all.begin(), all.end(), std::size_t{0});
@@ -55,10 +56,13 @@ Solution run_exchange_method(const InformationSet& set, const SolveOptions& opti
   ProgressWatch watch;
 
   std::int64_t iteration = 0;
+  const bool asked = !options.start.empty();
+  const bool warm = asked && design.assign_weights(simplex_start(options.start));
   const auto finish = [&](SolveStatus status, std::string message = {}) {
+    if (asked && !warm) message = without_start(message);
     return tracer.finish({design.weights()}, status, iteration, std::move(message));
   };
-  if (!start(conditioned, tracer, design)) {
+  if (!warm && !own_start(conditioned, tracer, design)) {
     return finish(SolveStatus::kNumericalFailure, "no regular starting design was found");
   }
   while (true) {

@@ -23,6 +23,7 @@ class FedorovWynn final : public Solver {
   [[nodiscard]] std::string_view description() const override {
     return "vertex directions with away steps and exact line search";
   }
+  [[nodiscard]] SolverTraits traits() const override { return {.takes_start = true}; }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;
 };

@@ -27,7 +27,9 @@ class RandomizedExchange final : public Solver {
   [[nodiscard]] std::string_view description() const override {
     return "REX: random-order exchanges between the support and the best candidates";
   }
-  [[nodiscard]] SolverTraits traits() const override { return {.randomised = true}; }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.randomised = true, .takes_start = true};
+  }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;
 };

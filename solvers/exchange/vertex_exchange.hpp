@@ -23,6 +23,7 @@ class VertexExchange final : public Solver {
   [[nodiscard]] std::string_view description() const override {
     return "weight moves from the worst support point to the best candidate";
   }
+  [[nodiscard]] SolverTraits traits() const override { return {.takes_start = true}; }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;
 };

@@ -15,6 +15,7 @@
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/multiplicative/reweigh_pass.hpp"
 #include "solvers/restricted_problem/criterion_frame.hpp"
 
@@ -33,6 +34,31 @@ Design without_negligible_weights(std::vector<double> weights, std::span<const d
   }
   for (double& weight : weights) weight /= total;
   return {std::move(weights)};
+}
+
+// (1 - share) of the design, and share of that of equal weights.
+void blend(double share, std::span<const double> uniform, std::vector<double>& weights,
+           std::vector<double>& information) {
+  const double each = share / static_cast<double>(weights.size());
+  for (double& weight : weights) weight = (1.0 - share) * weight + each;
+  for (std::size_t k = 0; k < information.size(); ++k) {
+    information[k] = (1.0 - share) * information[k] + share * uniform[k];
+  }
+}
+
+// Weights and information matrix of the start; false, with both as they were, where that matrix is
+// singular.
+bool begin_from(std::span<const double> start, const InformationSet& set, Tracer& tracer,
+                InverseCholesky& factor, std::vector<double>& weights,
+                std::vector<double>& information) {
+  std::vector<double> first = simplex_start(start), matrix(information.size());
+  information_matrix(set, first, matrix);
+  tracer.count_candidates(static_cast<std::size_t>(
+      std::ranges::count_if(first, [](double weight) { return weight > 0.0; })));
+  if (!factor.factor(matrix)) return false;
+  weights = std::move(first);
+  information = std::move(matrix);
+  return true;
 }
 
 }  // namespace
@@ -57,6 +83,9 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
   std::vector<double> information(conditioned.uniform_information().begin(),
                                   conditioned.uniform_information().end());
   InverseCholesky factor(set.dimension());
+  const bool asked = !options.start.empty();
+  const bool warm =
+      asked && begin_from(options.start, conditioned.set(), tracer, factor, weights, information);
   CriterionFrame frame(options.criterion, set.dimension(), conditioned.coordinates());
   ReweighPass pass(set.dimension(), options.threads);
   std::int64_t iteration = 0;
@@ -66,6 +95,7 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
       sensitivities(conditioned.set(), factor.trace_dual(), w);  // tr(M^-1 H_i)
       tracer.count_passes(1.0);
     }
+    if (asked && !warm) message = without_start(message);
     return tracer.finish(without_negligible_weights(std::move(former), w), status, iteration,
                          std::move(message));
   };
@@ -90,6 +120,9 @@ Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& op
     }
     if (tracer.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (iteration == limit) return finish(SolveStatus::kIterationLimit);
+    if (warm && iteration == 0) {
+      blend(uniform_share(gap), conditioned.uniform_information(), weights, information);
+    }
     ++iteration;
   }
 }

@@ -42,6 +42,7 @@ class Multiplicative final : public Solver {
   }
   [[nodiscard]] SolverTraits traits() const override {
     return {.reachable_gap = 1e-6,
+            .takes_start = true,
             .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kL,
                          CriterionKind::kDs, CriterionKind::kC, CriterionKind::kI}};
   }

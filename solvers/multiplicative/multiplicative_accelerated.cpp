@@ -15,6 +15,7 @@
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/multiplicative/reweigh_pass.hpp"
 
 namespace graybox {
@@ -44,6 +45,7 @@ class AcceleratedRun {
     std::iota(index_.begin(), index_.end(), std::size_t{0});
     former_ = w_ = second_w_ = weights_;
     trial_information_ = information_;
+    if (!options.start.empty() && begin_from_start()) return;
     if (!factor_.factor(information_)) message_ = "the uniform design is singular";
   }
 
@@ -65,7 +67,12 @@ class AcceleratedRun {
       if (iteration_ == limit) return finish(SolveStatus::kIterationLimit);
       ++iteration_;
       delete_candidates(largest, gap);
-      if (message_.empty()) advance();
+      if (!message_.empty()) break;
+      if (std::exchange(warm_, false)) {
+        blend(uniform_share(gap));
+      } else {
+        advance();
+      }
     }
     return finish(SolveStatus::kNumericalFailure);
   }
@@ -83,6 +90,35 @@ class AcceleratedRun {
   // lambda <- F(lambda) and its M; w: the sensitivities before the step. The factor stays behind.
   void plain_step(std::vector<double>& w) {
     pass_.run(data_, factor_.trace_dual(), weights_, w, information_);
+    tracer_.count_candidates(count());
+  }
+
+  // False, with nothing changed, where the start's information matrix is singular.
+  bool begin_from_start() {
+    std::vector<double> first = simplex_start(options_.start);
+    information_matrix(conditioned_.set(), first, trial_information_);
+    tracer_.count_candidates(static_cast<std::size_t>(
+        std::ranges::count_if(first, [](double weight) { return weight > 0.0; })));
+    warm_ = factor_.factor(trial_information_);
+    start_unused_ = !warm_;
+    if (warm_) {
+      weights_ = std::move(first);
+      information_ = trial_information_;
+    }
+    return warm_;
+  }
+
+  // `share` of equal weights on the survivors, for weights of zero stay zero (warm_start.hpp).
+  void blend(double share) {
+    const double each = share / static_cast<double>(count());
+    for (double& weight : weights_) weight = (1.0 - share) * weight + each;
+    accumulate_information();
+    factorise();
+  }
+
+  void accumulate_information() {
+    std::ranges::fill(information_, 0.0);
+    kernels().accumulate(data_, count(), packed(), weights_.data(), information_.data());
     tracer_.count_candidates(count());
   }
 
@@ -190,9 +226,7 @@ class AcceleratedRun {
     double total = 0.0;
     for (const double weight : weights_) total += weight;
     for (double& weight : weights_) weight /= total;
-    std::ranges::fill(information_, 0.0);
-    kernels().accumulate(data_, count(), packed(), weights_.data(), information_.data());
-    tracer_.count_candidates(count());
+    accumulate_information();
   }
 
   void compact(std::size_t survivors) {
@@ -241,6 +275,7 @@ class AcceleratedRun {
         design.weights[index_[i]] = former_[i] / total;
       }
     }
+    if (start_unused_) message_ = without_start(message_);
     return tracer_.finish(std::move(design), status, iteration_, std::move(message_));
   }
 
@@ -268,6 +303,8 @@ class AcceleratedRun {
   double last_log_det_ = -std::numeric_limits<double>::infinity();
   std::int64_t iteration_ = 0;
   std::int64_t next_check_ = kStallWindow;
+  bool warm_ = false;          // the weights are those of the start
+  bool start_unused_ = false;  // it was asked for, but is singular
   std::string message_;
 };
 

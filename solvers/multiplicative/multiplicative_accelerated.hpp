@@ -34,6 +34,7 @@ class MultiplicativeAccelerated final : public Solver {
   [[nodiscard]] std::string_view description() const override {
     return "multiplicative with extrapolation and safe deletion of candidates";
   }
+  [[nodiscard]] SolverTraits traits() const override { return {.takes_start = true}; }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer = nullptr) const override;
 };

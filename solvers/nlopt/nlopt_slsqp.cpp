@@ -18,6 +18,7 @@
 #include "solvers/conditioning/normalized_set.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/nlopt/nlopt_handle.hpp"
 #include "solvers/restricted_problem/nonnegative_quadratic.hpp"
 
@@ -70,6 +71,7 @@ class SlsqpRun {
   void read_factor(const double* x);
 
   void start_multiplicatively();
+  [[nodiscard]] bool begin_from_start();
   bool price();               // M and w at weights_, the gap; false where M is singular
   bool extend_working_set();  // false if there was nothing to add
 
@@ -166,6 +168,17 @@ void SlsqpRun::start_multiplicatively() {
     for (double& weight : weights_) weight /= sum;
     if (tracer_.out_of_time()) return;
   }
+}
+
+// The start's weights; equal ones and false where its information matrix is singular.
+bool SlsqpRun::begin_from_start() {
+  weights_ = simplex_start(options_.start);
+  std::ranges::fill(matrix_, 0.0);
+  kernels().accumulate(normalized_.rows(), count_, matrix_.size(), weights_.data(), matrix_.data());
+  tracer_.count_passes(1.0);
+  if (invert(matrix_, normalized_.dimension(), inverse_)) return true;
+  std::ranges::fill(weights_, 1.0 / static_cast<double>(count_));
+  return false;
 }
 
 bool SlsqpRun::extend_working_set() {
@@ -278,7 +291,9 @@ bool SlsqpRun::recover_weights() {
 }
 
 Solution SlsqpRun::solve() {
+  bool start_unused = false;
   const auto finish = [&](SolveStatus status, std::string message = {}) {
+    if (start_unused) message = without_start(message);
     return tracer_.finish({std::move(best_)}, status, evaluations_, std::move(message));
   };
   if (!normalized_.regular()) {
@@ -286,7 +301,8 @@ Solution SlsqpRun::solve() {
     best_.clear();
     return finish(SolveStatus::kUnsupported, normalized_.message());
   }
-  start_multiplicatively();
+  if (!options_.start.empty()) start_unused = !begin_from_start();
+  if (options_.start.empty() || start_unused) start_multiplicatively();
   nlopt_result result = NLOPT_SUCCESS;
   double gap_to_halve = std::numeric_limits<double>::infinity();
   for (int rounds_without_progress = 0;;) {

@@ -42,7 +42,9 @@ class NloptSlsqp final : public Solver {
 
   [[nodiscard]] std::string_view name() const override { return kName; }
   [[nodiscard]] std::string_view description() const override { return kDescription; }
-  [[nodiscard]] SolverTraits traits() const override { return {.reachable_gap = 1e-9}; }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.reachable_gap = 1e-9, .takes_start = true};
+  }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const override;
 };

@@ -13,6 +13,7 @@
 #include "solvers/conditioning/normalized_set.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/core/warm_start.hpp"
 #include "solvers/nlopt/nlopt_handle.hpp"
 
 namespace graybox {
@@ -47,6 +48,7 @@ class WeightRun {
   }
   double evaluate(const double* roots, double* gradient);
   void judge(double sum);
+  [[nodiscard]] bool begin_from_start();
   [[nodiscard]] nlopt_result start(nlopt_algorithm algorithm);
   [[nodiscard]] bool met() const { return best_gap_ <= options_.duality_gap; }
   [[nodiscard]] bool limited() const {
@@ -101,7 +103,7 @@ double WeightRun::evaluate(const double* roots, double* gradient) {
     std::fill_n(gradient, count_, 0.0);
   }
   const bool stalled = evaluations_ - last_progress_ > kEvaluationsWithoutProgress;
-  if (met() || stalled || limited()) nlopt_force_stop(running_);
+  if (running_ != nullptr && (met() || stalled || limited())) nlopt_force_stop(running_);
   return value;
 }
 
@@ -116,6 +118,15 @@ void WeightRun::judge(double sum) {
     progress_gap_ = gap;
     last_progress_ = evaluations_;
   }
+}
+
+// The start becomes the best design so far, from which start() begins, as at every restart. False
+// where its information matrix is singular.
+bool WeightRun::begin_from_start() {
+  const std::vector<double> weights = simplex_start(options_.start);
+  std::ranges::transform(weights, roots_.begin(), [](double weight) { return std::sqrt(weight); });
+  evaluate(roots_.data(), nullptr);
+  return std::isfinite(best_gap_);
 }
 
 nlopt_result WeightRun::start(nlopt_algorithm algorithm) {
@@ -133,7 +144,9 @@ nlopt_result WeightRun::start(nlopt_algorithm algorithm) {
 }
 
 Solution WeightRun::solve(nlopt_algorithm algorithm) {
+  bool start_unused = false;
   const auto finish = [&](SolveStatus status, std::string message = {}) {
+    if (start_unused) message = without_start(message);
     return tracer_.finish({std::move(best_)}, status, evaluations_, std::move(message));
   };
   if (!normalized_.regular()) {
@@ -141,6 +154,8 @@ Solution WeightRun::solve(nlopt_algorithm algorithm) {
     best_.clear();
     return finish(SolveStatus::kUnsupported, normalized_.message());
   }
+  if (!options_.start.empty()) start_unused = !begin_from_start();
+  if (met()) return finish(SolveStatus::kSolved);
   for (;;) {
     const double before = best_gap_;
     const nlopt_result result = start(algorithm);

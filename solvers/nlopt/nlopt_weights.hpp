@@ -41,7 +41,9 @@ class NloptLbfgs final : public Solver {
 
   [[nodiscard]] std::string_view name() const override { return kName; }
   [[nodiscard]] std::string_view description() const override { return kDescription; }
-  [[nodiscard]] SolverTraits traits() const override { return {.reachable_gap = 1e-6}; }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.reachable_gap = 1e-6, .takes_start = true};
+  }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const override;
 };
@@ -54,7 +56,9 @@ class NloptMma final : public Solver {
 
   [[nodiscard]] std::string_view name() const override { return kName; }
   [[nodiscard]] std::string_view description() const override { return kDescription; }
-  [[nodiscard]] SolverTraits traits() const override { return {.reachable_gap = 1e-6}; }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.reachable_gap = 1e-6, .takes_start = true};
+  }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const override;
 };
@@ -67,7 +71,9 @@ class NloptCcsa final : public Solver {
 
   [[nodiscard]] std::string_view name() const override { return kName; }
   [[nodiscard]] std::string_view description() const override { return kDescription; }
-  [[nodiscard]] SolverTraits traits() const override { return {.reachable_gap = 1e-6}; }
+  [[nodiscard]] SolverTraits traits() const override {
+    return {.reachable_gap = 1e-6, .takes_start = true};
+  }
   [[nodiscard]] Solution solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const override;
 };

@@ -108,6 +108,7 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
   report.candidates = set.candidate_count();
   report.dimension = set.dimension();
   report.options = options;
+  report.options.start = {};  // its owner need not outlive the report
   report.counters = solution.counters;
   report.account = solution.account;
   report.repair = solution.repair;

@@ -12,6 +12,21 @@
 #include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
+namespace {
+
+constexpr double kMostProximal = 1e-6;     // of the mean diagonal entry of S
+constexpr double kLeastProximal = 1e-9;    // a factorisation of S needs about as much
+constexpr double kNear = 1e-7;             // relative difference of the entries of near copies
+constexpr double kErrorForCopies = 1e-10;  // sensitivity_error() beyond which there are none
+
+bool nearly_equal(const double* a, const double* b, std::size_t size) {
+  for (std::size_t k = 0; k < size; ++k) {
+    if (!(std::abs(a[k] - b[k]) <= kNear * std::abs(a[k]))) return false;
+  }
+  return true;
+}
+
+}  // namespace
 
 WorkingSet::WorkingSet(std::size_t dimension)
     : dimension_(dimension),
@@ -46,15 +61,49 @@ void WorkingSet::clear() {
   indices_.clear();
   weights_.clear();
   rows_.clear();
+  replaced_.clear();
+}
+
+// The member that a violator nearly equals. None where the violator has been a member before: then
+// both are wanted.
+std::optional<std::size_t> WorkingSet::near_copy(std::size_t candidate,
+                                                 const double* information) const {
+  if (std::ranges::find(replaced_, candidate) != replaced_.end()) return std::nullopt;
+  for (std::size_t k = 0; k < size(); ++k) {
+    if (nearly_equal(rows_.data() + k * packed_size_, information, packed_size_)) {
+      if (sensitivity_error() > kErrorForCopies) return std::nullopt;
+      return k;
+    }
+  }
+  return std::nullopt;
+}
+
+// Whether the violator is worth more than the member; if so it takes its place and weight.
+bool WorkingSet::take_place(std::size_t member, std::size_t candidate, const double* information) {
+  double* row = rows_.data() + member * packed_size_;
+  double now = 0.0, then = 0.0;
+  const double* dual = inverse_.trace_dual().data();
+  kernels().price(row, 1, packed_size_, dual, &now);
+  kernels().price(information, 1, packed_size_, dual, &then);
+  if (!(then > now)) return false;
+  replaced_.push_back(indices_[member]);
+  indices_[member] = candidate;
+  std::copy_n(information, packed_size_, row);
+  return true;
 }
 
 bool WorkingSet::add(std::size_t candidate, const double* information, double weight) {
   const std::size_t bytes = packed_size_ * sizeof(double);
   for (std::size_t k = 0; k < size(); ++k) {
-    if (indices_[k] == candidate ||
-        std::memcmp(rows_.data() + k * packed_size_, information, bytes) == 0) {
+    const double* row = rows_.data() + k * packed_size_;
+    if (indices_[k] == candidate || std::memcmp(row, information, bytes) == 0) {
       weights_[k] += weight;
       return false;
+    }
+  }
+  if (weight == 0.0) {
+    if (const auto copy = near_copy(candidate, information)) {
+      return take_place(*copy, candidate, information);
     }
   }
   if (size() == whitened_rows_) reserve(2 * size());
@@ -119,7 +168,8 @@ bool WorkingSet::newton_target() {
   for (std::size_t i = 0; i < n; ++i) trace += hessian_[i * n + i];
   const std::span<double> target(target_.data(), n);
   double added = 0.0;
-  for (double proximal = 1e-6 * trace / static_cast<double>(n); proximal <= 1e-2 * trace;
+  const double share = std::clamp(gap_, kLeastProximal, kMostProximal);
+  for (double proximal = share * trace / static_cast<double>(n); proximal <= 1e-2 * trace;
        proximal *= 1e3) {
     for (std::size_t i = 0; i < n; ++i) {
       hessian_[i * n + i] += proximal - added;

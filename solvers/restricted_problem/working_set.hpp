@@ -17,9 +17,20 @@
 //
 // a non-negative least-squares problem whose warm start is the present support
 // (nonnegative_quadratic.hpp). S is singular where the optimum is not unique (ties, duplicates), so
-// a proximal term rho |mu - lambda|^2 / 2 with rho = 1e-6 tr(S)/n is added: it does not move the
-// fixed points. Far from the optimum the step is shortened until f increases enough; near it
+// a proximal term rho |mu - lambda|^2 / 2 with rho = min(1e-6, gap) tr(S)/n is added: it does not
+// move the fixed points. It shrinks with the gap, down to 1e-9, for weight must move between close
+// neighbours of a fine grid. With B_i - B_j of size delta the model's curvature is delta^2 only,
+// and a larger rho would leave small steps. Far from the optimum the step is shortened until f
+// increases enough; near it
 // the full step converges quadratically.
+//
+// Near copies (entries equal to seven digits) would fill the working set with ties. A candidate
+// without weight that nearly equals a member takes its place where its sensitivity is larger, and
+// is left out otherwise. Is one of two enough? Let them differ by delta, relative to M. By swapping
+// weight between them, their difference of sensitivities changes by the order of delta^2 only. So
+// either is the better one nearly always. Where not, the candidate that was replaced comes back,
+// and then both stay. In ill-conditioned coordinates digits of entries say little of delta, and
+// nothing is replaced.
 //
 // Members without weight and with w_i <= d can't enter in the next step, so S is formed only for
 // the n others. Cost of one Newton step: n d^3 (whitening) + n^2 p / 2 (S) + pivots * n^3 / 3.
@@ -27,6 +38,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -50,8 +62,8 @@ class WorkingSet {
 
   void clear();
   // Adds a candidate with its packed matrix, which is copied. One that is there already, or whose
-  // matrix equals a member's to the last bit, only has its weight added to that member's. Returns
-  // true if it is new.
+  // matrix equals a member's to the last bit, only has its weight added to that member's. A near
+  // copy without weight may take a member's place, by inverse(). Returns true if it is new.
   bool add(std::size_t candidate, const double* information, double weight);
   // Drops members of zero weight whose sensitivity is below `sensitivity`.
   void drop_below(double sensitivity);
@@ -69,6 +81,8 @@ class WorkingSet {
   [[nodiscard]] std::size_t size() const { return indices_.size(); }
   [[nodiscard]] std::span<const std::size_t> indices() const { return indices_; }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
+  [[nodiscard]] std::size_t dimension() const { return dimension_; }
+  [[nodiscard]] std::span<const double> information() const { return matrix_; }  // M, packed
   [[nodiscard]] const InverseCholesky& inverse() const { return inverse_; }
   // How far rounding can move sensitivities that are computed with inverse(), relatively.
   [[nodiscard]] double sensitivity_error() const {
@@ -79,6 +93,10 @@ class WorkingSet {
 
  private:
   void reserve(std::size_t members);
+  [[nodiscard]] std::optional<std::size_t> near_copy(std::size_t candidate,
+                                                     const double* information) const;
+  [[nodiscard]] bool take_place(std::size_t member, std::size_t candidate,
+                                const double* information);
   void information(std::span<const double> weights, std::span<double> packed) const;
   void normalise();
   void choose_active();
@@ -91,8 +109,9 @@ class WorkingSet {
   std::size_t stride_;  // row length of whitened_, a multiple of 8
   std::vector<std::size_t> indices_;
   std::vector<double> weights_;
-  std::vector<double> rows_;  // copies of the members' packed matrices
-  AlignedArray whitened_;     // B_i, scaled so that rows multiply to tr(B_i B_j)
+  std::vector<double> rows_;           // copies of the members' packed matrices
+  std::vector<std::size_t> replaced_;  // candidates whose place a near copy has taken
+  AlignedArray whitened_;              // B_i, scaled so that rows multiply to tr(B_i B_j)
   std::size_t whitened_rows_ = 0;
   std::vector<double> sensitivity_;  // w_i of all members
   std::vector<std::size_t> active_;  // members with weight, or that want to enter

@@ -203,6 +203,21 @@ class Solve(InFolder):
         said = command("check", file, self.path("design.json"))
         self.assertEqual((said["status"], said["duality_gap"]), ("solved", design.gap))
 
+    def test_goes_on_from_a_design(self):
+        H = random_set(2000, 8)
+        cold = graybox.solve(H, gap=1e-9)
+        for start in (cold, cold.weights, list(cold.weights)):
+            warm = graybox.solve(H, gap=1e-9, start=start)
+            self.assertLess(warm.passes, 1.2)
+            self.assertAlmostEqual(warm.certificate.log_det, cold.certificate.log_det, delta=8e-9)
+        for start, text in ((cold.weights[:5], "5 weights"), (np.zeros(2000), "all weights are zero")):
+            with self.assertRaisesRegex(ValueError, text):
+                graybox.solve(H, start=start)
+        with self.assertRaisesRegex(ValueError, "can't begin from a design"):
+            graybox.solve(H, start=cold, solver="dual_interior_point")
+        with self.assertRaisesRegex(ValueError, "can't be combined"):
+            graybox.solve(H, start=cold, experiments=20)
+
     def test_limits_of_time_and_iterations(self):
         H = random_set(2000, 8)
         few = graybox.solve(H, solver="multiplicative", iteration_limit=3, gap=1e-9)

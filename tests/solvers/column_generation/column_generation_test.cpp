@@ -232,6 +232,62 @@ TEST(ColumnGeneration, SurvivesTiesAndDuplicates) {
   expect_certified(wishart_set(3, 1, 3, 0.0, 1).subset(same), 1e-9);
 }
 
+// Each candidate `copies` times, with entries that differ in the tenth digit.
+InformationSet near_copies(const InformationSet& set, std::size_t copies, std::uint64_t seed) {
+  Random random(seed);
+  const std::size_t p = set.packed_size();
+  AlignedArray rows(copies * set.candidate_count() * p);
+  std::size_t k = 0;
+  for (std::size_t copy = 0; copy < copies; ++copy) {
+    for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+      const double factor = 1.0 + 1e-9 * (2.0 * random.uniform() - 1.0);
+      for (const double entry : set.information(i)) rows[k++] = factor * entry;
+    }
+  }
+  return InformationSet(set.dimension(), std::move(rows));
+}
+
+// The optimum is that of the set itself, but for the tenth digit, and needs no more points.
+TEST(ColumnGeneration, NearCopiesAreNotCollected) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const InformationSet set = wishart_set(8, 400, 1, 0.0, seed);
+    const InformationSet copies = near_copies(set, 12, seed);
+    const Solution one = ColumnGeneration().solve(set, {.duality_gap = 1e-9});
+    const Solution many = ColumnGeneration().solve(copies, {.duality_gap = 1e-9});
+    ASSERT_EQ(many.status, SolveStatus::kSolved) << many.message;
+    EXPECT_EQ(many.message, "");
+    const Certificate proof = certify(copies, many.design, {}, 1e-9);
+    EXPECT_TRUE(proves(proof, 1e-9));
+    EXPECT_NEAR(proof.log_det, certify(set, one.design).log_det, 8 * 4e-9);
+    const auto points = [](const Design& design) {
+      return std::ranges::count_if(design.weights, [](double weight) { return weight > 0.0; });
+    };
+    EXPECT_LE(points(many.design), 2 * points(one.design));
+  }
+}
+
+TEST(WorkingSet, ANearCopyTakesAPlaceOnlyIfItIsWorthMore) {
+  const InformationSet set = wishart_set(3, 12, 3, 0.0, 5);
+  WorkingSet working(3);
+  for (std::size_t i = 0; i < 12; ++i) working.add(i, set.information(i).data(), 1.0);
+  ASSERT_TRUE(working.refresh());
+  const auto scaled = [&](std::size_t i, double factor) {
+    std::vector<double> row(set.information(i).begin(), set.information(i).end());
+    for (double& entry : row) entry *= factor;
+    return row;
+  };
+  EXPECT_FALSE(working.add(100, scaled(4, 1.0 - 1e-9).data(), 0.0));  // worth less
+  EXPECT_TRUE(working.add(101, scaled(4, 1.0 + 1e-9).data(), 0.0));
+  EXPECT_EQ(working.size(), 12U);
+  EXPECT_EQ(working.indices()[4], 101U);
+  EXPECT_NEAR(working.weights()[4], 1.0 / 12.0, 1e-15);
+  EXPECT_TRUE(working.add(4, set.information(4).data(), 0.0));  // back: both are wanted
+  EXPECT_EQ(working.size(), 13U);
+  EXPECT_FALSE(working.add(4, set.information(4).data(), 0.0));
+  EXPECT_TRUE(working.add(102, scaled(5, 1.0 + 1e-6).data(), 0.0));  // no copy
+  EXPECT_EQ(working.size(), 14U);
+}
+
 TEST(ColumnGeneration, CandidatesThatInformAboutOneParameterEach) {
   // Only every thousandth candidate informs about the last parameter: a sample sees none of them.
   const std::size_t d = 5, count = 6000;

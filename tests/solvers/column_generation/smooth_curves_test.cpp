@@ -236,5 +236,19 @@ TEST_P(HostileCurves, EveryOneIsSolvedAndTheClaimIsTrue) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, HostileCurves, ::testing::Range<std::uint64_t>(0, 23));
 
+// Neighbours on this grid differ by 1e-5 and less. Weight has to move between them; with a proximal
+// term that does not shrink it crept, and another back-end had to finish after 200 passes.
+TEST(SmoothCurves, FineGridsNeedNoFallback) {
+  const InformationSet set =
+      polynomial_regression(11, even_points(300000), PolynomialBasis::kLegendre);
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const Solution solution = ColumnGeneration().solve(set, {.duality_gap = kGap, .seed = seed});
+    ASSERT_EQ(solution.status, SolveStatus::kSolved) << solution.message;
+    EXPECT_EQ(solution.message, "");
+    EXPECT_LT(solution.counters.passes, 8.0);
+    EXPECT_TRUE(proves(certify(set, solution.design, {}, kGap), kGap));
+  }
+}
+
 }  // namespace
 }  // namespace graybox
