@@ -82,6 +82,16 @@ void add_waves(const VectorXd& position, std::vector<Covariate>& covariates) {
   covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.sin()).matrix()});
 }
 
+// Slow or fast, there or back.
+void add_rates(const VectorXd& rate, std::vector<Covariate>& covariates) {
+  constexpr double kSlow = 0.3;  // of the rms
+  const double scale = kSlow * std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
+  if (!(scale > 0.0)) return;
+  const Eigen::ArrayXd share = rate.array() / scale;
+  covariates.push_back({LawTrend::On::kSpeed, (-share.abs()).exp().matrix()});
+  covariates.push_back({LawTrend::On::kDirection, (0.5 * share.tanh()).matrix()});
+}
+
 }  // namespace
 
 double relative_size(const VectorXd& error, const VectorXd& scale) {
@@ -345,12 +355,15 @@ std::vector<LawTrend> FinalFit::trends() const {
   if (!fit.usable) return trends;
   const ParameterTrends along(*task, data_->output_count(), fit);
   const MatrixXd motion = fitter(*task).motion(fit);
+  const bool measures_position = fit.model.model.position_output.cwiseAbs().maxCoeff() > 0.0;
   for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
     const PlacedFinding& law = fit.model.laws[l];
     const Location& place = fit.model.model.parts[law.part].location;
     std::vector<Covariate> covariates{{LawTrend::On::kTime, along.time()}};
     if (place.kind == LocationKind::kElement) {
-      add_waves(motion.leftCols(motion.cols() / 2) * place.input, covariates);
+      const Index coordinates = motion.cols() / 2;
+      if (measures_position) add_waves(motion.leftCols(coordinates) * place.input, covariates);
+      add_rates(motion.rightCols(coordinates) * place.input, covariates);
     }
     const std::size_t first = fit.model.first_parameter(law.part);
     const std::size_t count = fit.model.model.parts[law.part].parameters.size();

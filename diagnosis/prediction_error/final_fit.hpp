@@ -50,10 +50,11 @@ struct HeldOutError {
 // A parameter of a law that changes with what it should not depend on (parameter_trend.hpp), in its
 // unit.
 struct LawTrend {
-  enum class On : std::uint8_t { kTime, kPosition };
+  enum class On : std::uint8_t { kTime, kPosition, kSpeed, kDirection };
   std::size_t law = 0, parameter = 0;
   On on = On::kTime;
-  double from = 0.0, to = 0.0;  // with the time: first and last; along the way: least and most
+  // First and last; least and most along the way; fast and slow; backwards and forwards.
+  double from = 0.0, to = 0.0;
   double z = 0.0;
 };
 

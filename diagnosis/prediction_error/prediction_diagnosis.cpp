@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/predictor/drive_hold.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/yaml_field.hpp"
@@ -40,7 +42,7 @@ constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard e
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
-constexpr double kTrendErrors = 5.0, kTrendShare = 0.1;  // of the parameter
+constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
 constexpr double kExcluded = 2.0;                        // z of what is found over a rival
 constexpr double kStructureLimit = 3.0;                  // % of the forces that act
 constexpr double kRestLimit = 15.0;                      // % of them
@@ -566,7 +568,7 @@ class DiagnosisBuilder {
       const bool is_much = std::abs(trend.to - trend.from) > kTrendShare * larger;
       if (is_much && (worst == nullptr || std::abs(trend.z) > std::abs(worst->z))) worst = &trend;
     }
-    const std::string tested = "what was found changes with time or position";
+    const std::string tested = "what was found changes with time, place or speed";
     if (worst == nullptr) {
       VerdictReason reason = test(tested + ", standard errors", 0.0, kTrendErrors, true, "");
       if (trends.empty()) reason.not_tested = "the recordings are one window each";
@@ -576,22 +578,46 @@ class DiagnosisBuilder {
     const FittedLaw& law = result_.effects[worst->law].law;
     const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
     const LawParameterEstimate& parameter = law.parameters[worst->parameter];
-    const bool is_time = worst->on == LawTrend::On::kTime;
     const double z = std::abs(worst->z);
-    const std::string how =
-        is_time ? fmt::format("about {:.3g} {} where recordings begin, {:.3g} where they end",
-                              worst->from, parameter.unit, worst->to)
-                : fmt::format("between about {:.3g} and {:.3g} {} along the way",
-                              std::min(worst->from, worst->to), std::max(worst->from, worst->to),
-                              parameter.unit);
-    list.push_back(test(
-        fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
-                    hypothesis.law, hypothesis.place, how),
-        z, kTrendErrors, z <= kTrendErrors,
-        is_time ? "look for what changes while it is recorded, as a temperature, a load or wear; "
-                  "record it, and fit the beginning and the end by themselves"
-                : "look at the place where it changes, as a worn guide, a screw or a cable; record "
-                  "slow motion over the whole way"));
+    list.push_back(
+        test(fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
+                         hypothesis.law, hypothesis.place, trend_words(*worst, parameter.unit)),
+             z, kTrendErrors, z <= kTrendErrors, trend_advice(worst->on), otherwise));
+  }
+
+  static std::string trend_words(const LawTrend& trend, const std::string& unit) {
+    switch (trend.on) {
+      case LawTrend::On::kTime:
+        return fmt::format("about {:.3g} {} where recordings begin, {:.3g} where they end",
+                           trend.from, unit, trend.to);
+      case LawTrend::On::kPosition:
+        return fmt::format("between about {:.3g} and {:.3g} {} along the way",
+                           std::min(trend.from, trend.to), std::max(trend.from, trend.to), unit);
+      case LawTrend::On::kSpeed:
+        return fmt::format("about {:.3g} {} in fast motion, {:.3g} in slow motion", trend.from,
+                           unit, trend.to);
+      case LawTrend::On::kDirection:
+        return fmt::format("about {:.3g} {} one way, {:.3g} the other", trend.from, unit, trend.to);
+    }
+    return {};
+  }
+
+  static std::string trend_advice(LawTrend::On on) {
+    switch (on) {
+      case LawTrend::On::kTime:
+        return "look for what changes while it is recorded, as a temperature, a load or wear; "
+               "record it, and fit the beginning and the end by themselves";
+      case LawTrend::On::kPosition:
+        return "look at the place where it changes, as a worn guide, a screw or a cable; record "
+               "slow motion over the whole way";
+      case LawTrend::On::kSpeed:
+        return "record slow motion and standstill beside fast motion: another law of the speed "
+               "fits better, as friction that falls with speed";
+      case LawTrend::On::kDirection:
+        return "record the same motion both ways: a constant force, or friction that differs by "
+               "direction, is missing";
+    }
+    return {};
   }
 
   void add_growth(std::vector<VerdictReason>& list) const {
@@ -847,11 +873,50 @@ Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& o
   return diagnosis;
 }
 
-}  // namespace
+// Laws that make up for a drive that is early or late.
+ExtendedLumpedModel without_fillers(ExtendedLumpedModel model) {
+  constexpr std::array kFillers{"mode", "resonance", "lag", "delay"};
+  for (std::size_t l = 0; l < model.laws.size();) {
+    const std::size_t part = model.laws[l].part;
+    const bool fills = std::ranges::count(kFillers, model.model.parts[part].law_name) > 0;
+    if (fills) model = without_part(model, part);
+    l = fills ? 0 : l + 1;
+  }
+  return model;
+}
 
-PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
-                                           const Campaign& campaign, const SearchOptions& options,
-                                           int threads) {
+// Of a drive that is said to be held where going evenly from sample to sample foretells the motion
+// better.
+std::optional<HoldComparison> better_held(const LumpedModel& stated, const PredictionData& data,
+                                          const Campaign& campaign,
+                                          const PredictionFindings& findings, const FinalFit& final,
+                                          int threads) {
+  constexpr double kErrors = 4.0, kLess = 0.9;  // z, and of the error
+  if (campaign.hold != InputHold::kZero || findings.stopped ||
+      !std::isfinite(data.largest_force())) {
+    return {};
+  }
+  Campaign changed = campaign;
+  changed.hold = InputHold::kFirst;
+  PredictionData other(stated, changed, threads);
+  other.limit_noise(data.noise());
+  HoldComparison both;
+  const ExtendedLumpedModel model = without_fillers(final.found().fit.model);
+  for (const Index horizon : {data.first_horizon(), final.found().horizon}) {
+    HoldComparison each =
+        compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
+    if (each.usable && each.z > both.z) both = each;
+  }
+  const bool is_better = both.usable && both.z > kErrors && both.error_other < kLess * both.error;
+  if (!is_better) return {};
+  return both;
+}
+
+// With the drive between its samples as the campaign says. `other`: filled where the drive foretells
+// the motion better otherwise.
+PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
+                                     const SearchOptions& options, int threads,
+                                     std::optional<HoldComparison>* other) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
     throw InputError(
@@ -891,6 +956,9 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
           look_nearer(stated, data, hypotheses, search_options, findings, ladder);
       const FinalFit& final = nearer ? *nearer->final : ladder;
       if (final.found().fit.usable) {
+        if (other != nullptr)
+          *other = better_held(stated, data, campaign, findings, final, threads);
+        if (other != nullptr && *other) return result;
         result.diagnosis =
             DiagnosisBuilder(stated, data, hypotheses, nearer ? *nearer->findings : findings, final)
                 .build();
@@ -909,6 +977,26 @@ PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
     result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
     result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
   }
+  return result;
+}
+
+}  // namespace
+
+PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
+                                           const Campaign& campaign, const SearchOptions& options,
+                                           int threads) {
+  std::optional<HoldComparison> held;
+  PredictionDiagnosis result = diagnose_as_held(model, campaign, options, threads, &held);
+  if (!held) return result;
+  Campaign changed = campaign;
+  changed.hold = InputHold::kFirst;
+  result = diagnose_as_held(model, changed, options, threads, nullptr);
+  result.diagnosis.assumptions.push_back(fmt::format(
+      "The drive was taken to go evenly from sample to sample, not to be held between them: so the "
+      "error {} is {:.3g} % instead of {:.3g} % ({:.2g} standard errors). A force or a "
+      "current that was measured goes so; write `hold: first` in the campaign.",
+      held->horizon == 0 ? "in free run" : fmt::format("{:.2g} s ahead", held->seconds),
+      100.0 * held->error_other, 100.0 * held->error, held->z));
   return result;
 }
 

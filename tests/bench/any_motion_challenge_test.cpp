@@ -23,6 +23,7 @@
 #include "bench/challenge/detectability.hpp"
 #include "bench/challenge/same_system.hpp"
 #include "bench/challenge/score_challenge.hpp"
+#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
@@ -388,6 +389,47 @@ TEST(AnyMotionCase, FilesTellNothingOfTheContentAndCanBeRead) {
     const Campaign campaign = read_campaign(folder.file(name + "a/campaign"));
     EXPECT_NO_THROW((void)load_experiment(campaign, 0));
   }
+}
+
+// ---- what diagnoses say of such cases ---------------------------------------------------------
+
+PredictionDiagnosis diagnosis_of(const CaseTruth& truth) {
+  const TemporaryFolder folder;
+  EXPECT_TRUE(write_any_motion_case(truth, folder.file("case")));
+  return diagnose_by_prediction(folder.file("case/model.yaml"),
+                                read_campaign(folder.file("case/campaign")), {}, 2);
+}
+
+// A tachometer that lags by half a sample, beside a disturbance: 1.2 times what is detectable. Where
+// errors add up, over ten samples and more, the disturbance hides it.
+TEST(AnyMotionDiagnosis, FindsALagThatADisturbanceHidesOverLongerWindows) {
+  constexpr std::uint64_t kSeed = 9017832381802315296ULL;
+  const HiddenEffect lag = effect_of("sensor speed", "lag", {0.00119249});
+  const PredictionDiagnosis found = diagnosis_of(truth_of(Family::kAxisTachometer, kSeed, {lag}));
+  ASSERT_EQ(found.diagnosis.effects.size(), 1U);
+  const FittedLaw& law = found.diagnosis.effects[0].law;
+  const std::string& name = found.hypotheses[law.hypothesis].law;
+  EXPECT_TRUE(name == "lag" || name == "delay") << name;
+  EXPECT_NEAR(law.parameters[0].value, 0.00119249, 3.0 * law.parameters[0].standard_error);
+  const PredictionDiagnosis nothing = diagnosis_of(truth_of(Family::kAxisTachometer, kSeed));
+  EXPECT_EQ(nothing.diagnosis.verdict, Verdict::kNone);
+  EXPECT_TRUE(nothing.diagnosis.effects.empty());
+}
+
+// Friction that fades is no friction of one level.
+TEST(AnyMotionDiagnosis, DoesNotExplainFrictionThatFades) {
+  constexpr std::uint64_t kSeed = 968126486364453142ULL;
+  const HiddenEffect fading =
+      effect_of("rotor", "fading_friction", {0.0296743, 3.81176, 0.00194429});
+  const PredictionDiagnosis result =
+      diagnosis_of(truth_of(Family::kAxisTachometer, kSeed, {fading}));
+  EXPECT_EQ(result.diagnosis.verdict, Verdict::kUnknown);
+  const auto reason = std::ranges::find_if(result.diagnosis.reasons, [](const VerdictReason& each) {
+    return each.test.starts_with("what was found changes");
+  });
+  ASSERT_NE(reason, result.diagnosis.reasons.end());
+  EXPECT_FALSE(reason->passed);
+  EXPECT_NE(reason->test.find("where recordings begin"), std::string::npos) << reason->test;
 }
 
 // ---- what answers count as ----------------------------------------------------------------------
