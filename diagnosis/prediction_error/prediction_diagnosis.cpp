@@ -579,6 +579,10 @@ class DiagnosisBuilder {
     const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
     const LawParameterEstimate& parameter = law.parameters[worst->parameter];
     const double z = std::abs(worst->z);
+    // A law of the speed stands in for another one, at its place.
+    const bool is_of_speed =
+        worst->on == LawTrend::On::kSpeed || worst->on == LawTrend::On::kDirection;
+    const Verdict otherwise = is_of_speed ? Verdict::kAmbiguous : Verdict::kUnknown;
     list.push_back(
         test(fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
                          hypothesis.law, hypothesis.place, trend_words(*worst, parameter.unit)),
