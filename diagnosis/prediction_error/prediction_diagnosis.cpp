@@ -916,8 +916,8 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   return both;
 }
 
-// With the drive between its samples as the campaign says. `other`: filled where the drive foretells
-// the motion better otherwise.
+// With the drive between its samples as the campaign says. `other`: filled where the motion is
+// foretold better otherwise.
 PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
                                      const SearchOptions& options, int threads,
                                      std::optional<HoldComparison>* other) {

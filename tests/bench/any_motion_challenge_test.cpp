@@ -400,8 +400,8 @@ PredictionDiagnosis diagnosis_of(const CaseTruth& truth) {
                                 read_campaign(folder.file("case/campaign")), {}, 2);
 }
 
-// A tachometer that lags by half a sample, beside a disturbance: 1.2 times what is detectable. Where
-// errors add up, over ten samples and more, the disturbance hides it.
+// A tachometer that lags by half a sample, beside a disturbance: 1.2 times what is detectable.
+// Where errors add up, over ten samples and more, the disturbance hides it.
 TEST(AnyMotionDiagnosis, FindsALagThatADisturbanceHidesOverLongerWindows) {
   constexpr std::uint64_t kSeed = 9017832381802315296ULL;
   const HiddenEffect lag = effect_of("sensor speed", "lag", {0.00119249});

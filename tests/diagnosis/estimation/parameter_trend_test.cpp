@@ -1,10 +1,11 @@
-// Residuals made white, parameters that change, and laws that give way to plainer ones: closed forms,
-// rates of chance, and simulated machines.
+// Residuals made white, parameters that change, and laws that give way to plainer ones: closed
+// forms, rates of chance, and simulated machines.
 #include "diagnosis/predictor/parameter_trend.hpp"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -204,8 +205,8 @@ TEST(PlainerLaws, ASpringIsNoClearance) {
   for (const FoundEffect& effect : result.diagnosis.effects) {
     found.push_back(result.hypotheses[effect.law.hypothesis].law);
     const double size = effect.law.parameters[0].value;
-    if (found.back() == "stiffness") EXPECT_NEAR(size, 5.0, 0.15);
-    if (found.back() == "coulomb") EXPECT_NEAR(size, 2.0, 0.05);
+    const bool is_spring = found.back() == "stiffness";
+    EXPECT_NEAR(size, is_spring ? 5.0 : 2.0, is_spring ? 0.15 : 0.05) << found.back();
   }
   std::ranges::sort(found);
   EXPECT_EQ(found, (std::vector<std::string>{"coulomb", "stiffness"}));
