@@ -181,7 +181,8 @@ int execute(const Arguments& arguments) {
         proposal.questions.size(), proposal.questions.size() == 1 ? "" : "s", model, campaign);
     return kBadInput;
   }
-  fmt::print("Next: graybox diagnose {} {}\n", for_shell(model), for_shell(campaign));
+  fmt::print("Next: graybox {} {} {}\n", proposal.is_too_short ? "fit" : "diagnose",
+             for_shell(model), for_shell(campaign));
   return kDone;
 }
 

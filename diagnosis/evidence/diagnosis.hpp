@@ -82,6 +82,7 @@ struct FoundEffect {
   std::vector<FittedLaw> same_at = {};  // as in Rival
   // None where no recordings were kept out, or the model without it could not be fitted.
   std::optional<HeldOutEffect> held_out = {};
+  bool is_first_of_its_kind = false;  // the model has no spring there that it could correct
 };
 
 // A law that lowered the error of the fit and is not found all the same.

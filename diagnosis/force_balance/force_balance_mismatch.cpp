@@ -502,9 +502,11 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::path& model,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
-  const auto read = [robot = load_rigid_robot(model), campaign, places = options.place_files](
-                        const Eigen::VectorXd& advance, double body_uncertainty) {
+  const auto read = [robot = load_rigid_robot(model), campaign, places = options.place_files,
+                     without = options.without_rotors](const Eigen::VectorXd& advance,
+                                                       double body_uncertainty) {
     RigidRobotModel uncertain = robot;
+    for (const std::size_t j : without) uncertain.joints.at(j).rotor_inertia = 0.0;
     if (body_uncertainty > 0.0) uncertain.body_uncertainty = body_uncertainty;
     return load_force_balance_data(uncertain, campaign, places, advance);
   };

@@ -42,6 +42,7 @@ struct ForceBalanceOptions {
   int threads = 1;                                   // results do not depend on it
   std::function<bool()> keep_going;                  // asked now and then; false: fits end unusable
   std::vector<std::filesystem::path> place_files{};  // graybox-places/1 (place_file.hpp)
+  std::vector<std::size_t> without_rotors{};  // joints whose unknown rotor inertia is left out
 };
 
 // Throws InputError of one line for a model or campaign that can't be used (motion_record.hpp), and

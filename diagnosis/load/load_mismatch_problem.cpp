@@ -20,7 +20,8 @@ std::unique_ptr<MismatchProblem> load_mismatch_problem(const std::filesystem::pa
     return force_balance_problem(model, campaign,
                                  {.threads = options.threads,
                                   .keep_going = options.keep_going,
-                                  .place_files = options.place_files});
+                                  .place_files = options.place_files,
+                                  .without_rotors = options.without_rotors});
   }
   const auto is_periodic = [](const Experiment& experiment) {
     return experiment.excitation.has_value();

@@ -15,6 +15,7 @@ struct MismatchProblemOptions {
   int threads = 1;                        // results do not depend on it
   std::function<bool()> keep_going = {};  // asked now and then; false: fits end unusable
   std::vector<std::filesystem::path> place_files = {};  // graybox-places/1 (place_file.hpp)
+  std::vector<std::size_t> without_rotors = {};         // joints of a rigid robot, from 0
 };
 
 // Throws InputError for files that are missing, wrong or do not belong together. It also does for a

@@ -199,9 +199,12 @@ class Examination {
                             quantity.kind == QuantityKind::kOther;
     const bool vanished = factor < 1.0 / limits_.runaway;
     if (factor < limits_.runaway && !(vanished && !may_vanish)) return;
+    // How far it ran says nothing: nothing holds it there.
     add(PlausibilityRule::kBound, quantity, kInfinity,
-        fmt::format("{} ran to {} from {:.3g}{}", quantity.name, value_words(quantity),
-                    quantity.start, unit_words(quantity.unit)));
+        vanished ? fmt::format("{} ran below 1/{:g} of what is stated, {:.3g}{}", quantity.name,
+                               limits_.runaway, quantity.start, unit_words(quantity.unit))
+                 : fmt::format("{} ran beyond {:g} times what is stated, {:.3g}{}", quantity.name,
+                               limits_.runaway, quantity.start, unit_words(quantity.unit)));
   }
 
   [[nodiscard]] const LawTrace* trace_of(const PhysicalQuantity& quantity) const {

@@ -56,12 +56,21 @@ std::string gain_of_factor(const DraftChannel& channel, const LogRecording& reco
                      channel.unit);
 }
 
+// Its whole title where the user's unit replaces the file's (is_whole_title).
+std::string named_column(const DraftChannel& channel, const LogRecording& recording) {
+  if (channel.column == "ANSWER") return channel.column;
+  const LogColumn& column = recording.at(channel.file, channel.column);
+  const bool is_replaced = column.answered && !column.stated_unit.empty() &&
+                           find_unit(channel.unit) != nullptr && column.stated_unit != channel.unit;
+  return is_replaced ? fmt::format("{} [{}]", column.name, column.stated_unit) : column.name;
+}
+
 std::string channel_text(const DraftChannel& channel, const LogRecording& recording) {
   std::string line = fmt::format("  - {{name: {}, ", channel.name);
   const std::string key = recording.keys[channel.file];
   if (!key.empty()) line += fmt::format("file: {}, ", key);
   line += fmt::format(
-      "column: {}, unit: {}, ", in_quotes(channel.column),
+      "column: {}, unit: {}, ", in_quotes(named_column(channel, recording)),
       channel.unit == "1" || channel.unit == "%" ? in_quotes(channel.unit) : channel.unit);
   const std::string factor = gain_of_factor(channel, recording);
   if (!channel.gain.empty()) line += fmt::format("gain: {}, ", channel.gain);

@@ -145,6 +145,9 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"qvel", LogQuantity::kVelocity},
     {"jvel", LogQuantity::kVelocity},
     {"speed", LogQuantity::kVelocity},
+    {"tacho", LogQuantity::kVelocity},
+    {"tach", LogQuantity::kVelocity},
+    {"tachometer", LogQuantity::kVelocity},
     {"rate", LogQuantity::kVelocity},
     {"drehzahl", LogQuantity::kVelocity, MotionKind::kRotary},
     {"geschwindigkeit", LogQuantity::kVelocity},
@@ -436,8 +439,20 @@ void take_unit_words(Words& words, ColumnWords& result) {
   }
 }
 
+// "xpos", "yvolt": the letter of an axis before a word for a quantity goes.
+std::string without_axis(const std::string& word) {
+  if (word.size() < 4 || std::string_view("xyz").find(word.front()) == std::string_view::npos) {
+    return word;
+  }
+  const std::string rest = word.substr(1);
+  const bool is_known = std::ranges::any_of(
+      kQuantityWords, [&](const QuantityWord& row) { return row.word == rest; });
+  return is_known ? rest : word;
+}
+
 void read_quantity(const Words& words, ColumnWords& result) {
   Words others = words;
+  std::ranges::transform(others, others.begin(), without_axis);
   // "current position" is one that is, not a current.
   const bool has_other = std::ranges::any_of(kQuantityWords, [&](const QuantityWord& row) {
     return row.quantity != LogQuantity::kCurrent && row.quantity != LogQuantity::kOther &&

@@ -165,6 +165,7 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
     names += (names.empty() ? "'" : ", '") + column.name + "'";
     std::optional<int> place = place_in(answer, column.name);
     if (!place && !column.number.empty()) place = place_in(answer, column.number);
+    if (!place && is_whole_title(answer.names, column.name, column.stated_unit)) place = 0;
     if (!place) continue;
     found = true;
     column.answered = true;

@@ -164,14 +164,15 @@ class MassProposal {
     return fmt::format("{}={}", column.name, is_known ? name_of(column.words.quantity) : "command");
   }
 
-  static OpenQuestion question_of_drives(const Columns& rivals) {
+  [[nodiscard]] OpenQuestion question_of_drives(const Columns& rivals) const {
     OpenQuestion question = which_of(rivals, "force, torque, current or command that drives");
     for (std::size_t k = 0; k < rivals.size(); ++k) {
       question.choices[k].columns = {answer_of(*rivals[k])};
     }
     const bool all_known = std::ranges::all_of(
         rivals, [](const LogColumn* rival) { return drives(rival->words.quantity); });
-    question.option = fmt::format("--column '{}=torque', say", rivals.front()->name);
+    question.option = fmt::format("--column '{}={}', say", rivals.front()->name,
+                                  motion_of_drive() == MotionKind::kLinear ? "force" : "torque");
     constexpr std::size_t kFew = 3;
     if (!all_known || rivals.size() > kFew) return question;
     question.option.clear();
@@ -203,11 +204,13 @@ class MassProposal {
   void ask_unit_of_drive() {
     const LogQuantity quantity = drive_->words.quantity;
     std::vector<std::string> units{"A", "mA"};
+    const bool moves_linearly = motion_of_drive() == MotionKind::kLinear;
     if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};
+    if (quantity == LogQuantity::kForce && moves_linearly) units = {"N", "kN", "N m"};
     if (quantity == LogQuantity::kVoltage) units = {"V", "mV"};
     if (quantity == LogQuantity::kCommand) units = {"V", "A", "%", "1"};
-    const bool is_torque =
-        quantity == LogQuantity::kForce && drive_->words.motion == MotionKind::kRotary;
+    const bool is_torque = quantity == LogQuantity::kForce && !moves_linearly &&
+                           drive_->words.motion == MotionKind::kRotary;
     proposal_.questions.push_back(
         question_of_unit(*drive_, is_torque ? "torque" : name_of(quantity), units));
   }
@@ -233,12 +236,15 @@ class MassProposal {
 
   [[nodiscard]] MotionKind motion_of_drive() const {
     if (request_.motion != MotionKind::kOpen) return request_.motion;
-    for (const LogColumn* column : columns_) {
-      const LogQuantity quantity = column->words.quantity;
-      const bool is_motion =
-          quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
-      if (is_motion && column->moves() && column->words.motion != MotionKind::kOpen) {
-        return column->words.motion;
+    for (const bool is_said : {true, false}) {  // the user's word before titles
+      for (const LogColumn* column : columns_) {
+        const LogQuantity quantity = column->words.quantity;
+        const bool is_motion =
+            quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
+        if (is_motion && column->answered >= is_said && column->moves() &&
+            column->words.motion != MotionKind::kOpen) {
+          return column->words.motion;
+        }
       }
     }
     return likely_drive_ == nullptr ? MotionKind::kOpen : likely_drive_->words.motion;
@@ -257,9 +263,15 @@ class MassProposal {
     }
     require_counts();
     guess("motion", motion_ == MotionKind::kLinear ? "linear" : "rotary",
-          request_.motion != MotionKind::kOpen ? "you said so"
-          : is_open                            ? "guessed: no title says; else say --linear"
-                                               : "the titles");
+          request_.motion != MotionKind::kOpen || is_answered() ? "you said so"
+          : is_open ? "guessed: no title says; else say --linear"
+                    : "the titles");
+  }
+
+  // The unit of the motion is the user's.
+  [[nodiscard]] bool is_answered() const {
+    return !motions_.empty() && motions_.front().column->answered &&
+           motion_of_unit(motions_.front().unit) == motion_;
   }
 
   // Counts a turn that were stated and that no motion is in would change nothing.
@@ -293,8 +305,29 @@ class MassProposal {
             choice.reason == choice.unit_reason ? choice.reason
                                                 : choice.reason + "; " + choice.unit_reason);
     }
+    require_unit_of_the_motion(choice);
     sides_.push_back(side);
     motions_.push_back(std::move(choice));
+  }
+
+  // A title's unit decides how it moves; one that contradicts what was asked for is refused.
+  void require_unit_of_the_motion(const MotionChoice& choice) {
+    const MotionKind by_unit = choice.unit == "counts" || !choice.questions.empty()
+                                   ? MotionKind::kOpen
+                                   : motion_of_unit(choice.unit);
+    if (by_unit == MotionKind::kOpen || by_unit == motion_) return;
+    if (request_.motion == MotionKind::kOpen && motions_.empty()) {
+      motion_ = by_unit;
+      return;
+    }
+    const std::string quantity = choice.is_velocity ? "velocity" : "position";
+    const std::string unit =
+        is_linear() ? (choice.is_velocity ? "m/s" : "m") : (choice.is_velocity ? "rad/s" : "rad");
+    throw InputError(fmt::format(
+        "{}: column '{}' is in {}, but the motion is {}: say {}, or --column '{}={}:{}'",
+        choice.column->file_name, choice.column->name, choice.unit,
+        is_linear() ? "linear" : "rotary", is_linear() ? "--rotary" : "--linear",
+        choice.column->name, quantity, unit));
   }
 
   void ask_for_motion(const std::string& what) {
@@ -306,7 +339,8 @@ class MassProposal {
           log_.files.front().string(), what, words_of_accelerations()));
     }
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
-    question.option = fmt::format("--column '{}=position:rad', say", left.front()->name);
+    question.option = fmt::format("--column '{}=position:{}', say", left.front()->name,
+                                  is_linear() ? "m" : "rad");
     for (AnswerChoice& each : question.choices) each.columns = {each.label + "=position"};
     proposal_.questions.push_back(question);
   }

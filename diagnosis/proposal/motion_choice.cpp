@@ -212,13 +212,43 @@ class MotionUnitChoice {
   void ask_odd_unit() {
     const LogColumn* column = choice_.column;
     if (column == nullptr || column->words.odd_unit.empty()) return;
-    choice_.questions.push_back(question_of_unit(
-        *column, choice_.is_velocity ? "velocity" : "position",
-        choice_.is_velocity ? std::vector<std::string>{"rad/s", "rpm", "deg/s", "m/s"}
-                            : std::vector<std::string>{"rad", "deg", "m", "mm"}));
+    std::vector<std::string> units = choice_.is_velocity
+                                         ? std::vector<std::string>{"rad/s", "rpm", "deg/s"}
+                                         : std::vector<std::string>{"rad", "deg"},
+                             linear = choice_.is_velocity ? std::vector<std::string>{"m/s", "mm/s"}
+                                                          : std::vector<std::string>{"m", "mm"};
+    if (motion() == MotionKind::kLinear) std::swap(units, linear);
+    units.insert(units.end(), linear.begin(), linear.end());
+    choice_.questions.push_back(
+        question_of_unit(*column, choice_.is_velocity ? "velocity" : "position", units));
+  }
+
+  // Steps along a line: how long one is the velocity says, or the user.
+  void take_linear_counts() {
+    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && fit_;
+    if (velocity_ != nullptr && !has_speed) return take_velocity();
+    if (has_speed) {
+      choice_.factor = find_unit(velocity_->words.unit)->factor / std::abs(fit_->factor);
+      const double length = choice_.factor;
+      take(position_, false, "counts",
+           fmt::format("{:.4g} m a count, from '{}'", length, velocity_->name));
+      choice_.gain =
+          fmt::format("{{value: {:.8g}, unit: m/counts}}", length * position_->words.unit_factor);
+      choice_.factor = length;
+    } else {
+      take(position_, false, "counts", "# ANSWER: m for one count?");
+      OpenQuestion question;
+      question.kind = OpenQuestion::Kind::kInFile;
+      question.text = fmt::format("How long is one count of '{}'?", position_->name);
+      question.option = fmt::format("--column '{}=position:1e-6 m', say", position_->name);
+      choice_.questions.push_back(question);
+      choice_.gain = "{value: ANSWER, unit: m/counts}";
+    }
+    find_wraps(position_, 0.0);
   }
 
   void take_counts() {
+    if (motion() == MotionKind::kLinear && !context_.counts_per_turn) return take_linear_counts();
     double count = context_.counts_per_turn ? kTurn / *context_.counts_per_turn : 0.0;
     std::string why = fmt::format("{:g} counts a turn, as you said", kTurn / count);
     const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && fit_;

@@ -67,6 +67,7 @@ struct ModelProposal {
   std::vector<OpenQuestion> questions;
   std::vector<std::string> notes;              // what the user should know, in a sentence each
   std::map<std::string, std::string> columns;  // by channel, of a robot's forces
+  bool is_too_short = false;  // a diagnosis by prediction error would refuse it, a fit would not
 };
 
 // Throws InputError for files that can't be read, for times that don't rise, for logs without any

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cstddef>
 #include <limits>
@@ -31,16 +32,17 @@ RecordedColumn titled(std::string_view title) {
   return {std::string(title), {}, {}};
 }
 
-// Names of columns; those that are empty are left so.
+// Names of columns; those that are empty are left so. `above` says what stands around the header.
 std::vector<RecordedColumn> header_columns(const std::string& path,
-                                           const std::vector<std::string_view>& fields) {
+                                           const std::vector<std::string_view>& fields,
+                                           const std::string& above) {
   std::vector<RecordedColumn> columns;
   for (const std::string_view field : fields) {
     columns.push_back(titled(field));
     for (std::size_t k = 0; k + 1 < columns.size(); ++k) {
       if (!columns[k].name.empty() && columns[k].name == columns.back().name) {
-        throw InputError(
-            fmt::format("{}: header: two columns are called '{}'", path, columns.back().name));
+        throw InputError(fmt::format("{}: header: two columns are called '{}'{}", path,
+                                     columns.back().name, above));
       }
     }
   }
@@ -63,6 +65,35 @@ std::vector<RecordedColumn> columns_in_comment(std::string_view comment, std::st
     if (names.size() == count && columns.size() == count && is_header(titles)) return columns;
   }
   return {};
+}
+
+constexpr std::string_view kPairTime = "Time";
+
+// A header of National Instruments names a channel in two columns, its time and its values:
+// "Channel name,Force,Channel name,Torque". Names of the columns then, "Time,Force,Time 2,Torque";
+// none for another header.
+std::vector<std::string_view> channel_names(const std::vector<std::string_view>& fields) {
+  static constexpr std::array<std::string_view, 8> kTimes{"Time",   "Time 2", "Time 3", "Time 4",
+                                                          "Time 5", "Time 6", "Time 7", "Time 8"};
+  const std::size_t pairs = fields.size() / 2;
+  if (fields.size() % 2 != 0 || pairs == 0 || pairs > kTimes.size()) return {};
+  std::vector<std::string_view> names = fields;
+  for (std::size_t k = 0; k < pairs; ++k) {
+    const std::string_view label = fields[2 * k];
+    if (label != "Channel name" && label != "Channel Name" && label != "Channel") return {};
+    names[2 * k] = kTimes[k];
+  }
+  return names;
+}
+
+// Each channel's own time, where it is that of the first.
+void leave_out_equal_times(RecordingFile& file) {
+  if (file.columns.front().name != kPairTime) return;
+  const Eigen::VectorXd first = file.columns.front().values;
+  std::erase_if(file.columns, [&](const RecordedColumn& column) {
+    return column.name.starts_with("Time ") && column.name.size() == kPairTime.size() + 2 &&
+           column.values == first;
+  });
 }
 
 // "Nm" is "N m".
@@ -196,6 +227,16 @@ std::string remark_of_title(const std::string& path, const TableLines& lines, st
                      first.size() > kShown || header > 1 ? "..." : "");
 }
 
+// For a message about the header: lines of words above the numbers that it can't be alone.
+std::string words_of_metadata(const TableLines& lines) {
+  if (!lines.ends_in_numbers() || lines.head().size() < 3) return "";
+  return fmt::format(
+      "; lines {} to {} look like metadata, and the numbers begin in line {}: give each column a "
+      "name in one line, and begin the others with #",
+      lines.head().front().number, lines.head()[lines.head().size() - 2].number,
+      lines.head().back().number);
+}
+
 // The header, or numbers as names; the first line of numbers is in `line` then.
 bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& splitter,
                  RecordingFile& file) {
@@ -208,11 +249,14 @@ bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& split
     }
     return true;
   }
-  file.columns = header_columns(file.path, fields);
+  const std::vector<std::string_view> names = channel_names(fields);
+  file.columns =
+      header_columns(file.path, names.empty() ? fields : names, words_of_metadata(lines));
   if (!lines.next(line)) return false;
   const std::vector<std::string> units = units_in(splitter.split(line));
   if (units.size() != file.columns.size()) return true;
   for (std::size_t k = 0; k < units.size(); ++k) {
+    if (!names.empty() && k % 2 == 0) continue;  // the word "Unit"
     if (file.columns[k].unit.empty()) file.columns[k].unit = units[k];
   }
   return lines.next(line);
@@ -220,15 +264,28 @@ bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& split
 
 // A header may name the first of several columns only, as exported time series have it.
 void name_the_rest(std::size_t fields, RecordingFile& file) {
-  const std::size_t named = file.columns.size();
-  if (fields <= named) return;
-  for (std::size_t k = named; k < fields; ++k) {
+  for (std::size_t k = file.columns.size(); k < fields; ++k) {
     file.columns.push_back({std::to_string(k + 1), {}, {}});
   }
+}
+
+// Columns behind those that the header names: without any number they are a comma at the end of
+// each line, and leave.
+void tell_the_rest(std::size_t named, RecordingFile& file) {
+  const std::size_t fields = file.columns.size();
+  while (file.columns.size() > named && !file.columns.back().values.array().isFinite().any()) {
+    file.columns.pop_back();
+  }
+  const std::size_t last = file.columns.size();
+  if (last <= named) return;
   file.remarks.push_back(
-      fmt::format("{}: the header names {} of {} columns: the others are called by their numbers, "
-                  "{} to {}",
-                  file.path, named, fields, named + 1, fields));
+      last == named + 1
+          ? fmt::format("{}: the header names {} of {} columns: the other is called by its number, "
+                        "{}",
+                        file.path, named, fields, last)
+          : fmt::format("{}: the header names {} of {} columns: the others are called by their "
+                        "numbers, {} to {}",
+                        file.path, named, fields, named + 1, last));
 }
 
 // Columns without a name: called by their number, or left out where hardly any number stands.
@@ -280,6 +337,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   FieldSplitter splitter(line);
   more = read_header(lines, line, splitter, file);
   if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
+  const std::size_t named = file.columns.size();
   if (more) name_the_rest(splitter.split(line).size(), file);
   std::vector<std::vector<double>> values(file.columns.size());
   for (; more; more = lines.next(line)) {
@@ -297,6 +355,8 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     file.columns[k].values = Eigen::Map<const Eigen::VectorXd>(
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
+  tell_the_rest(named, file);
+  leave_out_equal_times(file);
   name_or_drop_unnamed(file);
   if (file.columns.empty()) throw InputError(path + ": no column has a name or numbers");
   return file;

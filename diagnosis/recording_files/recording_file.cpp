@@ -71,10 +71,28 @@ RecordingFile read_by_ending(const std::filesystem::path& path, const std::strin
 
 }  // namespace
 
+bool is_whole_title(std::string_view text, std::string_view name, std::string_view unit) {
+  if (unit.empty()) return false;
+  const auto without_blanks = [](std::string_view part) {
+    std::string result(part);
+    std::erase(result, ' ');
+    return result;
+  };
+  const std::string written = without_blanks(text), plain = without_blanks(name),
+                    in_unit = without_blanks(unit);
+  return written == fmt::format("{}[{}]", plain, in_unit) ||
+         written == fmt::format("{}({})", plain, in_unit);
+}
+
 const RecordedColumn* RecordingFile::find(const std::string& name) const {
   auto found = std::ranges::find(columns, name, &RecordedColumn::name);
   if (found == columns.end() && !name.empty()) {
     found = std::ranges::find(columns, name, &RecordedColumn::number);
+  }
+  if (found == columns.end()) {
+    found = std::ranges::find_if(columns, [&](const RecordedColumn& column) {
+      return is_whole_title(name, column.name, column.unit);
+    });
   }
   return found == columns.end() ? nullptr : &*found;
 }

@@ -24,6 +24,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace graybox {
@@ -35,6 +36,11 @@ struct RecordedColumn {
   std::string number = {};  // "3", which names it, too, where names stood in a comment
 };
 
+// Whether a name is a column's whole title, its unit in brackets included: "Force [V]" of the
+// column Force in V. Blanks don't matter.
+[[nodiscard]] bool is_whole_title(std::string_view text, std::string_view name,
+                                  std::string_view unit);
+
 struct RecordingFile {
   std::string path;
   std::vector<RecordedColumn> columns;
@@ -42,7 +48,7 @@ struct RecordingFile {
   std::optional<double> sample_time;        // s, as the file states it
   std::vector<std::string> remarks = {};    // what the reader made of an odd file
 
-  // Null if there is none.
+  // By name, number or whole title. Null if there is none.
   [[nodiscard]] const RecordedColumn* find(const std::string& name) const;
   // Throws InputError naming the columns there are.
   [[nodiscard]] const RecordedColumn& at(const std::string& name) const;

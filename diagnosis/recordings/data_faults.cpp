@@ -61,17 +61,28 @@ std::string segments_without(const ChannelSamples& samples, Index first, Index l
 
 // ---- spikes -------------------------------------------------------------------------------------
 
-// A range that all other samples keep and these do not, or segments without the first.
-std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spikes) {
+// A range that all other samples of the file keep and these do not. Where good samples reach as far
+// a range would cut those, too: bridging the spikes is all that is done.
+std::string spike_mend(const ChannelSamples& samples, const std::set<Index>& spikes, bool is_kept) {
   double lowest = HUGE_VAL, highest = -HUGE_VAL;
   for (Index k = 0; k < samples.values.size(); ++k) {
     if (spikes.contains(k)) continue;
     lowest = std::min(lowest, samples.values(k));
     highest = std::max(highest, samples.values(k));
   }
+  if (samples.elsewhere) {
+    lowest = std::min(lowest, samples.elsewhere->first);
+    highest = std::max(highest, samples.elsewhere->second);
+  }
   const bool all_outside = std::ranges::all_of(
       spikes, [&](Index k) { return samples.values(k) < lowest || samples.values(k) > highest; });
-  if (!all_outside) return segments_without(samples, *spikes.begin(), *spikes.begin());
+  if (!all_outside && is_kept) {
+    return segments_without(samples, *spikes.begin(), *spikes.begin());
+  }
+  if (!all_outside) {
+    return "good samples reach as far, so no range can cut it: it is bridged by a line (unless the "
+           "campaign says faulty_samples: keep)";
+  }
   const double margin = 1e-3 * (highest - lowest);
   return fmt::format("preprocess: [{{kind: valid, of: [{}], range: [{:.4g}, {:.4g}]}}]",
                      samples.channel->name, lowest - margin, highest + margin);
@@ -108,7 +119,7 @@ void add_spikes(const ChannelSamples& samples, std::vector<Finding>& findings,
                  fmt::format("is {:g}, alone between {:g} and {:g}{}", samples.values(row), before,
                              after, more),
                  is_kept ? "kicks of a controller, so these are kept" : "a knock or an impact",
-                 spike_mend(samples, spikes)));
+                 spike_mend(samples, spikes, is_kept)));
 }
 
 // ---- stuck sensors ------------------------------------------------------------------------------

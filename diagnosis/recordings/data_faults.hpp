@@ -31,6 +31,9 @@ struct ChannelSamples {
   std::size_t first_sample;  // in the file
   bool is_even = true;       // the campaign states a sample time
   std::size_t thinned = 1;   // the campaign takes one of so many samples
+  // Lowest and highest of the file's samples outside of these, which steps of the campaign meet,
+  // too. None where these are all.
+  std::optional<std::pair<double, double>> elsewhere = {};
 };
 
 // Samples of one channel that can't be what the machine did. Rows of the piece.

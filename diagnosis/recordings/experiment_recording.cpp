@@ -68,9 +68,18 @@ bool equal_lengths(const std::vector<ChannelColumn>& columns, ExperimentRecordin
 void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRecording& recording) {
   for (const auto& [channel, column, file] : columns) {
     if (column->unit.empty() || column->unit == channel->recorded_unit) continue;
+    // Who names the column by its whole title has seen the unit, and says that it is another.
+    if (is_whole_title(channel->column, column->name, column->unit)) {
+      add_warning(recording, "unit",
+                  fmt::format("{}: {} is titled in {}, and taken as {}, as the campaign says",
+                              file->path, column->name, column->unit, channel->recorded_unit));
+      continue;
+    }
     add_error(recording, "unit",
-              fmt::format("{}: {} is in {}, but the campaign says {}", file->path, column->name,
-                          column->unit, channel->recorded_unit));
+              fmt::format("{}: {} is in {}, but the campaign says {}; where the title is wrong, "
+                          "say column: \"{} [{}]\"",
+                          file->path, column->name, column->unit, channel->recorded_unit,
+                          column->name, column->unit));
   }
 }
 
@@ -232,9 +241,24 @@ std::size_t thinning_of(const Campaign& campaign, const Experiment& experiment) 
   return thinning;
 }
 
+// Of a column's samples before and behind the piece.
+std::optional<std::pair<double, double>> range_elsewhere(const Eigen::VectorXd& column,
+                                                         const SignalPiece& piece) {
+  double lowest = HUGE_VAL, highest = -HUGE_VAL;
+  const auto first = static_cast<Index>(piece.first_sample), end = first + piece.values.rows();
+  for (Index row = 0; row < column.size(); ++row) {
+    if ((row >= first && row < end) || !std::isfinite(column(row))) continue;
+    lowest = std::min(lowest, column(row));
+    highest = std::max(highest, column(row));
+  }
+  if (lowest > highest) return {};
+  return std::pair{lowest, highest};
+}
+
 // Checks numbers as they were recorded; tells samples that can't be data, by channel.
 DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
-                       const SignalPiece& piece, ExperimentRecording& recording) {
+                       const std::vector<ChannelColumn>& columns, const SignalPiece& piece,
+                       ExperimentRecording& recording) {
   std::vector<ChannelSamples> samples;
   for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
     const Channel& channel = campaign.channels[k];
@@ -247,7 +271,8 @@ DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
                        .time = piece.time,
                        .first_sample = piece.first_sample,
                        .is_even = campaign.sample_time.has_value(),
-                       .thinned = thinning_of(campaign, experiment)});
+                       .thinned = thinning_of(campaign, experiment),
+                       .elsewhere = range_elsewhere(columns[k].column->values, piece)});
   }
   DataFaults faults;
   if (recording.sound()) faults = find_data_faults(samples, recording.findings);
@@ -257,10 +282,10 @@ DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
 }
 
 void check_pieces(const Campaign& campaign, const Experiment& experiment,
-                  ExperimentRecording& recording) {
+                  const std::vector<ChannelColumn>& columns, ExperimentRecording& recording) {
   std::vector<DataFaults> faults;
   for (const SignalPiece& piece : recording.data.pieces) {
-    faults.push_back(check_piece(campaign, experiment, piece, recording));
+    faults.push_back(check_piece(campaign, experiment, columns, piece, recording));
   }
   if (recording.sound() && campaign.mends_faulty_samples) {
     mend_faulty_samples(faults, recording.data);
@@ -383,7 +408,7 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
   const StepGroups steps = step_groups(campaign.preprocess);
   if (recording.sound()) {
     preprocess(source, steps.of_numbers, recording.data);
-    check_pieces(campaign, experiment, recording);
+    check_pieces(campaign, experiment, columns, recording);
   }
   if (!recording.sound()) {
     recording.data = {};

@@ -14,6 +14,7 @@
 #include "diagnosis/load/load_mismatch_problem.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/runs/answer_advice.hpp"
 #include "diagnosis/runs/report_folder.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
@@ -120,7 +121,10 @@ std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origi
     ExperimentRecording recording = load_experiment(campaign, i);
     copies.examine(experiment, recording);
     origin.files.back().samples = recording.samples;
-    for (const Finding& finding : recording.findings) warnings.push_back(finding.message);
+    for (const Finding& finding : recording.findings) {  // of two parts of a file said once
+      if (std::ranges::find(warnings, finding.message) != warnings.end()) continue;
+      warnings.push_back(finding.message);
+    }
   }
   if (warnings.size() > kMost) {
     const std::size_t more = warnings.size() - kMost;
@@ -139,7 +143,8 @@ std::vector<std::string> warnings_of(const Campaign& campaign, PageOrigin& origi
 
 // Null where it was stopped before there was a problem to search in.
 std::unique_ptr<MismatchProblem> load(const DiagnosisRequest& request, const Campaign& campaign,
-                                      const RigidRobotModel* drive) {
+                                      const RigidRobotModel* drive,
+                                      const std::vector<std::size_t>& without_rotors = {}) {
   try {
     if (drive != nullptr) {
       return drive_balance_problem(*drive, campaign, {.threads = request.threads, .keep_going = [] {
@@ -150,7 +155,8 @@ std::unique_ptr<MismatchProblem> load(const DiagnosisRequest& request, const Cam
         request.model, campaign,
         {.threads = request.threads,
          .keep_going = [] { return !stop_requested(); },
-         .place_files = {request.place_files.begin(), request.place_files.end()}});
+         .place_files = {request.place_files.begin(), request.place_files.end()},
+         .without_rotors = without_rotors});
   } catch (const Stopped&) {
     return nullptr;
   }
@@ -239,6 +245,25 @@ DiagnosisAnswer answer_by_prediction(const DiagnosisRequest& request, const Camp
   return answer;
 }
 
+// Diagnoses once more without rotor inertias that can't be seen, where nothing else is in doubt.
+void leave_out_rotors(const DiagnosisRequest& request, const Campaign& campaign,
+                      DiagnosisAnswer& answer) {
+  const std::vector<std::size_t> rotors = rotors_to_leave_out(answer.diagnosis);
+  if (rotors.empty() || stop_requested()) return;
+  std::unique_ptr<MismatchProblem> problem = load(request, campaign, nullptr, rotors);
+  if (!problem) return;
+  Diagnosis diagnosis = diagnose(*problem, request.search);
+  if (diagnosis.interrupted || diagnosis.verdict > answer.diagnosis.verdict) return;
+  std::string names;
+  for (const std::size_t j : rotors) {
+    names += fmt::format("{}rotor_inertia_{}", names.empty() ? "" : ", ", j + 1);
+  }
+  diagnosis.assumptions.push_back(fmt::format(
+      "{}: unknown in the model and not seen in these recordings, so left out.", names));
+  answer.problem = std::move(problem);
+  answer.diagnosis = std::move(diagnosis);
+}
+
 // `drive`, if not null: a lumped model as the force balance of its one mass.
 DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& campaign,
                                   const RigidRobotModel* drive = nullptr) {
@@ -253,17 +278,20 @@ DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& cam
     require_known_laws(request.search.excluded_laws, answer.problem->hypotheses());
   }
   answer.diagnosis = diagnose(*answer.problem, request.search);
+  leave_out_rotors(request, campaign, answer);
   return answer;
 }
 
-// None where the balance finds nothing, or can't be set up: the drive stands still, say.
+// None where the balance finds nothing, or can't be set up: the drive stands still, say. Nor where
+// positions were differentiated and no machine can be what came of it.
 std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
                                                 DiagnosisRequest& request,
                                                 const Campaign& campaign) {
   try {
     DiagnosisAnswer answer = answer_by_problem(request, campaign, &drive);
     const Diagnosis& diagnosis = answer.diagnosis;
-    if (!diagnosis.channel_faults.empty() || !diagnosis.effects.empty()) return answer;
+    const bool may_be = is_of_a_machine(diagnosis) || !drive.channels.velocity.empty();
+    if (!diagnosis.channel_faults.empty() || (!diagnosis.effects.empty() && may_be)) return answer;
   } catch (const InputError&) {
   }
   return {};
@@ -341,6 +369,8 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   };
   Method method = chosen_method(request, campaign);
   DiagnosisAnswer answer = answer_by(method, request, campaign);
+  mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
+  advise_on_rivals(answer.hypotheses(), answer.diagnosis);
   answer.method = method.name;
   answer.method_line = method_line(method);
   PageOrigin origin{.command = request.command,

@@ -110,6 +110,12 @@ bool has_enough_samples(const std::filesystem::path& model, const std::filesyste
   }
 }
 
+// Reads both files as a diagnosis does. Throws InputError where it would refuse them, however long
+// the recordings are.
+void read_as_diagnosis(const std::filesystem::path& model, const std::filesystem::path& campaign) {
+  (void)PredictionData(load_lumped_model(model), read_campaign(campaign), 1);
+}
+
 // The first plan of which a diagnosis has enough samples; the one that was there where none has.
 void leave_enough_samples(ProposalRequest& request, ModelProposal& proposal,
                           const std::filesystem::path& model,
@@ -130,10 +136,12 @@ void leave_enough_samples(ProposalRequest& request, ModelProposal& proposal,
     return;
   }
   request.split = first;
+  proposal.is_too_short = true;
   proposal.notes.push_back(
       "a diagnosis by prediction error needs more samples than these logs have, however they are "
       "split: record longer, or try graybox fit");
   write(proposal);
+  read_as_diagnosis(model, campaign);
 }
 
 // The message with the name that the file would have had.
@@ -168,7 +176,10 @@ std::vector<std::string> write_proposal(ProposalRequest& request, ModelProposal&
   std::vector<std::string> findings;
   try {
     if (proposal.questions.empty()) findings = findings_of(campaign.temporary());
-    const bool is_sound = proposal.questions.empty() && !has_errors(findings);
+    if (has_errors(findings)) {
+      throw InputError(findings.front().substr(std::string(kError).size()));
+    }
+    const bool is_sound = proposal.questions.empty();
     if (is_sound && request.machine == ProposedMachine::kRobot) {
       reverse_forces(model.temporary(), campaign.temporary(), request, proposal);
       write();

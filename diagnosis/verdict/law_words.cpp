@@ -78,13 +78,17 @@ std::string course_words(const FittedLaw& law, std::string_view name) {
   const LawParameterEstimate *still = parameter(law, "static_level"),
                              *sliding = parameter(law, "level");
   if (still == nullptr || sliding == nullptr) return "";
+  if (is_unseen_static_level(law, *still)) return "";  // the curve says it (friction_words.hpp)
+  constexpr double kHardly = 0.15;                     // of the sliding level
   switch (compared(*still, *sliding)) {
     case 1:
       return fmt::format(" that falls with speed ({})", name);
     case -1:
       return " that rises with speed";
     default:
-      return " that hardly depends on speed";
+      return std::abs(still->value - sliding->value) <= kHardly * std::abs(sliding->value)
+                 ? " that hardly depends on speed"
+                 : "";
   }
 }
 
@@ -177,6 +181,38 @@ std::string place_words(const std::string& place) {
   }
   const std::string axis = place.substr(dot + 1);
   return fmt::format("the {} of {}", axis == "arm" ? "arm axis" : axis, place.substr(0, dot));
+}
+
+bool is_unseen_static_level(const FittedLaw& law, const LawParameterEstimate& estimate) {
+  if (estimate.name != "static_level") return false;
+  const LawParameterEstimate* sliding = parameter(law, "level");
+  const double error = error_of(estimate), size = std::abs(estimate.value);
+  if (error > size) return true;
+  // Between a level far above that of sliding and none there is all that a curve may do.
+  return sliding != nullptr && error > 0.5 * size &&
+         error > std::abs(estimate.value - sliding->value);
+}
+
+std::string advice_for(const Hypothesis& rival) {
+  if (rival.law == "stribeck" || rival.law == "dahl" || rival.law == "lugre") {
+    return "Record slow motion, from rest and through it: there they differ.";
+  }
+  if (rival.law == "sublinear_friction" || rival.law == "quadratic_drag" ||
+      rival.law == "viscous") {
+    return "Record a wide range of steady speeds, slow and fast: there they differ.";
+  }
+  if (rival.law.starts_with("asymmetric_") || rival.law == "offset") {
+    return "Record the same motion in both directions: there they differ.";
+  }
+  return "";
+}
+
+std::string effect_sentence(const Hypothesis& hypothesis, const FoundEffect& effect) {
+  const bool pushes = hypothesis.law == "stiffness" && effect.is_first_of_its_kind &&
+                      !effect.law.parameters.empty() && effect.law.parameters.front().value < 0.0;
+  if (!pushes) return law_sentence(hypothesis, effect.law);
+  return fmt::format("something pushes {} away from where it stands, the more the further",
+                     place_words(hypothesis.place));
 }
 
 std::string law_sentence(const Hypothesis& hypothesis, const FittedLaw& law) {

@@ -124,8 +124,9 @@ namespace {
 std::string parameters_words(const FittedLaw& law) {
   std::string words;
   for (const LawParameterEstimate& parameter : law.parameters) {
-    words += fmt::format("{}{} {}", words.empty() ? "" : ", ", spaced(parameter.name),
-                         estimate_words(parameter));
+    words += fmt::format(
+        "{}{} {}", words.empty() ? "" : ", ", spaced(parameter.name),
+        is_unseen_static_level(law, parameter) ? "not determined" : estimate_words(parameter));
   }
   return words;
 }
@@ -149,6 +150,41 @@ std::string evidence_words(const Rival& rival, bool noise_is_known) {
   return words;
 }
 
+// "coulomb at motor with viscous at motor"
+std::string sum_words(const Rival& rival, std::span<const Hypothesis> hypotheses) {
+  std::string words = hypothesis_words(hypotheses[rival.law.hypothesis]);
+  for (const FittedLaw& law : rival.with) {
+    words += " with " + hypothesis_words(hypotheses[law.hypothesis]);
+  }
+  return words;
+}
+
+// Where the noise is not known: it foretells more than what was found, beyond chance.
+bool is_better(const Rival& rival) {
+  constexpr double kErrors = 2.0;
+  return rival.bic_difference < -kErrors * kErrors;
+}
+
+std::string better_rivals_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  std::string names, advice;
+  for (const Rival& rival : effect.rivals) {
+    if (!is_better(rival)) continue;
+    names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", sum_words(rival, hypotheses),
+                         evidence_words(rival, false));
+    if (advice.empty()) advice = advice_for(hypotheses[rival.law.hypothesis]);
+  }
+  if (names.empty()) return "";
+  return fmt::format("More likely than {}: {}.{}{}",
+                     hypothesis_words(hypotheses[effect.law.hypothesis]), names,
+                     advice.empty() ? "" : " ", advice);
+}
+
+// Of a fit that no machine can have: what is in it, and nothing that is found.
+std::string unsound_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
+  return fmt::format("In that fit: {}: {}.", hypothesis_words(hypotheses[effect.law.hypothesis]),
+                     parameters_words(effect.law));
+}
+
 // Whether recordings kept out are predicted worse with it, and badly.
 bool is_contradicted(const FoundEffect& effect) {
   constexpr double kMuch = 15.0;  // % of the signal
@@ -161,7 +197,7 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   const std::string found =
       fmt::format("{}: {} ({}): {}.", is_contradicted(effect) ? "Not confirmed" : "Found",
-                  law_sentence(hypothesis, effect.law), hypothesis_words(hypothesis),
+                  effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
                   parameters_words(effect.law)) +
       held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
@@ -238,15 +274,6 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
                   names + ".");
 }
 
-// "coulomb at motor with viscous at motor"
-std::string sum_words(const Rival& rival, std::span<const Hypothesis> hypotheses) {
-  std::string words = hypothesis_words(hypotheses[rival.law.hypothesis]);
-  for (const FittedLaw& law : rival.with) {
-    words += " with " + hypothesis_words(hypotheses[law.hypothesis]);
-  }
-  return words;
-}
-
 std::string sum_parameters_words(const Rival& rival) {
   std::string words = parameters_words(rival.law);
   for (const FittedLaw& law : rival.with) words += "; " + parameters_words(law);
@@ -258,6 +285,7 @@ std::string names_of_rivals(const std::vector<Rival>& rivals,
                             std::span<const Hypothesis> hypotheses) {
   std::string names;
   for (const Rival& rival : rivals) {
+    if (is_better(rival)) continue;  // named first (better_rivals_words)
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", sum_words(rival, hypotheses),
                          evidence_words(rival, false));
   }
@@ -267,8 +295,8 @@ std::string names_of_rivals(const std::vector<Rival>& rivals,
 void add_standing_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          bool noise_is_known, std::vector<std::string>& lines) {
   if (!noise_is_known && !effect.rivals.empty()) {
-    lines.push_back(
-        fmt::format("Not excluded in its place: {}.", names_of_rivals(effect.rivals, hypotheses)));
+    const std::string names = names_of_rivals(effect.rivals, hypotheses);
+    if (!names.empty()) lines.push_back(fmt::format("Not excluded in its place: {}.", names));
     for (const Rival& rival : effect.rivals) {
       if (!rival.next) continue;
       lines.push_back(next_experiment_words(
@@ -531,6 +559,13 @@ std::string next_experiment_words(const NextExperiment& next, const std::string&
                           experiment_words(share.option));
   }
   const double count = std::max(1.0, next.recordings_needed);
+  constexpr double kMost = 10.0;  // that anyone makes
+  if (count > kMost) {
+    return fmt::format(
+        "To tell {}: such recordings will not, {:.0f} more would be needed; change the motion "
+        "(reverse it, other speeds and loads) or add a sensor.",
+        what, count);
+  }
   const bool is_motion = !next.shares.empty() && !next.shares.front().option.recording.empty();
   return fmt::format(
       "To tell {}: {:.0f} more recording{}{}, {} (designed to a duality gap of {:.1g}; the "
@@ -600,7 +635,15 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (diagnosis.time_variation)
     lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
   add_moved_channels(diagnosis, lines);
+  const bool is_sound = excluding(diagnosis.implausible) == 0;
   for (const FoundEffect& effect : diagnosis.effects) {
+    if (!is_sound) {
+      lines.push_back(unsound_words(effect, hypotheses));
+      continue;
+    }
+    std::string better =
+        diagnosis.noise_is_known ? std::string() : better_rivals_words(effect, hypotheses);
+    if (!better.empty()) lines.push_back(std::move(better));
     lines.push_back(effect_words(effect, hypotheses, diagnosis));
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);

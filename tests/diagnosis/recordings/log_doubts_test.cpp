@@ -406,6 +406,81 @@ TEST_F(LogDoubts, AUnitThatIsNotKnownIsAsked) {
   }
 }
 
+// A title's unit is no unit of its quantity, or simply wrong: the user's takes its place, and what
+// is written is read as a diagnosis reads it.
+TEST_F(LogDoubts, AUnitThatTheUserSaysReplacesTheTitles) {
+  const Axis machine = axis(1500, 0.01);
+  for (const std::string title : {"Force [V]", "Force (A)", "Force [N]"}) {
+    const std::string log = write(
+        "log.csv",
+        {{"Time [s]", machine.time}, {title, machine.force}, {"Position [V]", machine.position}});
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    request.logs = {log};
+    request.folder = folder_.file("axis");
+    request.columns = {column_answer(title + "=force:N"), column_answer("Position=position:mm")};
+    ModelProposal proposal = propose_model(request);
+    EXPECT_EQ(value_of(proposal, "motion"), "linear; you said so");
+    EXPECT_NO_THROW(findings_ = write_proposal(request, proposal)) << title;
+    EXPECT_NE(proposal.campaign_text.find("column: \"Position [V]\", unit: mm"), std::string::npos)
+        << proposal.campaign_text;
+  }
+}
+
+// `model` refuses what a diagnosis would, and writes nothing.
+TEST_F(LogDoubts, WhatADiagnosisWouldRefuseIsRefused) {
+  const Axis machine = axis(1500, 0.01);
+  const std::vector<Column> columns{
+      {"time [s]", machine.time}, {"force", machine.force}, {"position [m]", machine.position}};
+  std::vector<Column> other = columns;
+  other[1].first = "force [kN]";
+  const std::vector<std::string> logs{write("one.csv", other), write("two.csv", columns)};
+  EXPECT_NO_THROW(written(logs));
+  std::filesystem::remove_all(folder_.file("axis"));
+  // The second log's title has another unit than the campaign, which is the first's.
+  other[1].first = "force [N]";
+  for (double& value : other[1].second) value *= 1.01;
+  testing::expect_refused(
+      [&] {
+        written({logs[0], write("three.csv", other)});
+      },
+      "force is in N, but the campaign says kN");
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("axis")));
+  ProposalRequest rotary;
+  rotary.motion = MotionKind::kRotary;
+  testing::expect_refused([&] { (void)proposed(columns, {}, rotary); }, "say --linear");
+}
+
+TEST_F(LogDoubts, ProposalsFollowTheMotionThatWasAskedFor) {
+  const Axis machine = axis(400, 0.01);
+  ProposalRequest linear;
+  linear.motion = MotionKind::kLinear;
+  const std::string units = questions_of(proposed({{"time [s]", machine.time},
+                                                   {"Force [V]", machine.force},
+                                                   {"Position [V]", machine.position}},
+                                                  {}, linear));
+  EXPECT_NE(units.find("Force=force:N'"), std::string::npos) << units;
+  EXPECT_NE(units.find("Position=position:m'"), std::string::npos) << units;
+  EXPECT_EQ(units.find("=position:rad"), std::string::npos) << units;
+  const std::vector<double> counts =
+      mapped(machine.position, [](double q) { return std::round(1e5 * q); });
+  const std::string steps = questions_of(proposed(
+      {{"time [s]", machine.time}, {"force [N]", machine.force}, {"encoder", counts}}, {}, linear));
+  EXPECT_NE(steps.find("How long is one count"), std::string::npos) << steps;
+}
+
+// Axes' letters before the words of a quantity.
+TEST_F(LogDoubts, AxesLettersDoNotHideAQuantity) {
+  for (const auto& [title, quantity] : {std::pair{"XPOS", Q::kPosition},
+                                        {"YVOLT", Q::kVoltage},
+                                        {"zTacho", Q::kVelocity},
+                                        {"tacho", Q::kVelocity},
+                                        {"xforce", Q::kForce},
+                                        {"exit", Q::kUnknown}}) {
+    EXPECT_EQ(read_column_words(title, "").quantity, quantity) << title;
+  }
+}
+
 TEST_F(LogDoubts, ASampleTimeThatTheStampsContradictIsRefused) {
   const Axis m = axis(1000, 0.01);
   const auto with = [&](const char* title, double unit, double stated) {

@@ -1,6 +1,7 @@
 // What columns of logs are taken for: titles, units from data, times.
 #include "diagnosis/proposal/proposal.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -255,6 +256,37 @@ TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
       EXPECT_NE(file.remarks[0].find("above the header in line"), std::string::npos);
     }
   }
+  // National Instruments: each channel with a time of its own, equal or not.
+  const std::string pairs =
+      "Timestamp,1.1.2026,Timestamp,1.1.2026\nInterval,0.002,Interval,0.002\n"
+      "Channel name,\"Force\",Channel name,\"Input 1\"\nUnit,\"N\",Unit,\"V\"\n";
+  std::string equal, other;
+  for (int k = 0; k < 60; ++k) {
+    equal += fmt::format("{0:.3f},1.5,{0:.3f},0.2\n", 0.002 * k);
+    other += fmt::format("{0:.3f},1.5,{1:.3f},0.2\n", 0.002 * k, 0.002 * k + 0.001);
+  }
+  for (const auto& [body, count] : {std::pair{equal, 3U}, {other, 4U}}) {
+    testing::write_text(folder.file("ni.csv"), pairs + body);
+    const RecordingFile file = read_recording_file(folder.file("ni.csv"));
+    ASSERT_EQ(file.columns.size(), count);
+    EXPECT_EQ(file.columns.front().name, "Time");
+    EXPECT_EQ(file.columns.back().name, "Input 1");
+    EXPECT_EQ(file.columns.back().unit, "V");
+    EXPECT_EQ(file.at("Force [N]").values(3), 1.5) << "its whole title";
+  }
+  // Two names that are one: the lines that are no header are named.
+  testing::expect_refused([&] { read("rate,2\nangle,angle,current\nms,ms,A\n"); },
+                          "lines 1 to 3 look like metadata, and the numbers begin in line 4");
+  // A comma behind each line names no column.
+  std::string commas = "time,angle\n";
+  for (int k = 0; k < 60; ++k) commas += fmt::format("{},0.2,\n", 2 * k);
+  testing::write_text(folder.file("commas.csv"), commas);
+  const RecordingFile trailing = read_recording_file(folder.file("commas.csv"));
+  EXPECT_EQ(trailing.columns.size(), 2U);
+  EXPECT_TRUE(trailing.remarks.empty());
+  testing::write_text(folder.file("more.csv"), "time,angle\n0,1,2\n1,1,3\n");
+  EXPECT_NE(read_recording_file(folder.file("more.csv")).remarks.at(0).find("by its number, 3"),
+            std::string::npos);
   // None of these is a title.
   EXPECT_TRUE(read("time,angle,current\n").remarks.empty());
   EXPECT_TRUE(read("time,angle,current\nms,deg,A\n").remarks.empty());

@@ -1,6 +1,7 @@
 // Faults that data show by themselves: each detector on signals made here, and on all channels of
 // the real recordings (GRAYBOX_RECORDINGS): as they are for false alarms, with a fault put in at
 // random for hits. The rates in docs/how_to/recordings.md are those of the calibration below.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -11,12 +12,15 @@
 #include <cstdio>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/data_faults.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/fault_mending.hpp"
 #include "diagnosis/recordings/sample_interpolation.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
@@ -32,6 +36,7 @@
 #include "diagnosis/signal_faults/spike.hpp"
 #include "diagnosis/signal_faults/stuck_sensor.hpp"
 #include "tests/support/recorded_channels.hpp"
+#include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
 namespace {
@@ -275,6 +280,63 @@ TEST(FaultMending, ReplacesSpikesAndCutsOutWhatIsNoData) {
       << data.remarks[0];
   EXPECT_NE(data.remarks[1].find("105 of 2000 samples can't be data"), std::string::npos)
       << data.remarks[1];
+}
+
+// A range holds for all of the file: it must not cut what the other part of it does.
+TEST(DataFaults, NoRangeIsProposedThatCutsGoodSamples) {
+  VectorXd values = motion(2000, 17);
+  const double lowest = values.minCoeff();
+  values(700) = lowest - 90.0;
+  Channel channel;
+  channel.name = "torque";
+  channel.role = ChannelRole::kOutput;
+  const auto mend = [&](std::optional<std::pair<double, double>> elsewhere) {
+    ChannelSamples samples{"run.csv", &channel, values, times(2000), 0};
+    samples.elsewhere = elsewhere;
+    std::vector<Finding> findings;
+    const DataFaults faults = find_data_faults({samples}, findings);
+    EXPECT_EQ(faults.channels[0].spikes.size(), 1U) << "it is bridged all the same";
+    for (const Finding& finding : findings) {
+      if (finding.check == "spike") return finding.mend;
+    }
+    return std::string("no spike");
+  };
+  EXPECT_NE(mend({}).find("range: ["), std::string::npos);
+  const std::string wide = mend(std::pair{lowest - 100.0, 0.0});
+  EXPECT_EQ(wide.find("range: ["), std::string::npos) << wide;
+  EXPECT_NE(wide.find("it is bridged"), std::string::npos) << wide;
+  // Good samples elsewhere widen a range that can be.
+  const std::string widened = mend(std::pair{lowest - 5.0, 0.0});
+  const std::size_t at = widened.find("range: [");
+  ASSERT_NE(at, std::string::npos) << widened;
+  EXPECT_LT(std::stod(widened.substr(at + 8)), lowest - 5.0);
+}
+
+// The same from files: the spike stands in the first part, the second reaches as far.
+TEST(DataFaults, TheRangeOfTheWholeFileCounts) {
+  const testing::TemporaryFolder folder;
+  VectorXd values = motion(2000, 18).array() + 20.0;
+  for (Index k = 1000; k < 2000; ++k) values(k) -= 40.0;
+  values(500) = -15.0;
+  std::string text = "time [s],torque [N m]\n";
+  for (Index k = 0; k < 2000; ++k)
+    text += fmt::format("{:.6g},{:.9g}\n", times(2000)(k), values(k));
+  testing::write_text(folder.file("run.csv"), text);
+  for (const bool is_cut : {true, false}) {
+    testing::write_text(folder.file("campaign.yaml"),
+                        fmt::format("format: graybox-campaign/1\nsample_time: {:g}\nchannels:\n"
+                                    "  - {{name: torque, unit: N m, is: output}}\nexperiments:\n"
+                                    "  - {{file: run.csv, segments: [[0, {}]]}}\n",
+                                    kSampleTime, is_cut ? 900 : 999));
+    const Campaign campaign = read_campaign(folder.file("campaign.yaml"));
+    bool found = false;
+    for (const Finding& finding : load_experiment(campaign, 0).findings) {
+      if (finding.check != "spike") continue;
+      found = true;
+      EXPECT_EQ(finding.mend.find("range: ["), std::string::npos) << finding.mend;
+    }
+    EXPECT_TRUE(found);
+  }
 }
 
 // A controller's derivative kicks its drive at every step of the command.

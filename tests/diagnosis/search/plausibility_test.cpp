@@ -113,6 +113,14 @@ TEST(Plausibility, ExcludesValuesAtABoundAndThoseThatRanAway) {
     value.start = 5.0 / factor;
     EXPECT_TRUE(has(implausibilities(with(value)), PlausibilityRule::kBound)) << factor;
   }
+  // How far it ran is not printed: nothing holds it there.
+  PhysicalQuantity far = quantity(QuantityKind::kInertia, 1.4e217, PhysicalQuantity::kNone);
+  far.start = 0.866;
+  const auto flaws = implausibilities(with(far));
+  ASSERT_FALSE(flaws.empty());
+  EXPECT_NE(flaws[0].words.find("ran beyond 1000 times what is stated, 0.866"), std::string::npos)
+      << flaws[0].words;
+  EXPECT_EQ(flaws[0].words.find("217"), std::string::npos) << flaws[0].words;
   value.start = 1.0;
   EXPECT_TRUE(implausibilities(with(value)).empty());
   // Without damping a model may do very well.

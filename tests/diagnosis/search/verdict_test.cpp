@@ -1,15 +1,19 @@
 // What a diagnosis looks like in words, JSON, models and pages.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <yaml-cpp/yaml.h>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 #include "diagnosis/report/axis_scale.hpp"
 #include "diagnosis/report/svg_chart.hpp"
+#include "diagnosis/runs/answer_advice.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/next_plan.hpp"
@@ -237,6 +241,10 @@ TEST(VerdictWords, SayThatFrictionFallsWithSpeedOnlyWhereItDoes) {
     EXPECT_NE(friction(law, 1.0, 1.5).find("falls with speed"), std::string::npos) << law;
     EXPECT_NE(friction(law, 1.5, 1.0).find("rises with speed"), std::string::npos) << law;
     EXPECT_NE(friction(law, 1.0, 1.01).find("hardly depends on speed"), std::string::npos) << law;
+    // The difference is not sure, and yet the curve falls by more than 15 %.
+    const std::vector<LawParameterEstimate> unsure{{"level", "N m", 3.0, 0.1},
+                                                   {"static_level", "N m", 4.1, 2.0}};
+    EXPECT_EQ(sentence(law, unsure).find("speed"), std::string::npos) << law;
   }
   EXPECT_EQ(
       sentence("sublinear_friction", {{"level", "N", 5.0, 0.1}, {"exponent", "1", 0.99, 0.02}}),
@@ -264,6 +272,115 @@ TEST(VerdictWords, NeverSayInfStandardErrors) {
   }
 }
 
+// A static level that the motion did not reach is no number.
+TEST(VerdictWords, DoNotPrintAStaticLevelThatWasNotSeen) {
+  const std::vector<Hypothesis> hypotheses{{"axis", "", "stribeck", {}}};
+  for (const auto& [still, error, is_seen] :
+       {std::tuple{12.0, 11.0, false}, {12.0, 13.0, false}, {4.0, 0.3, true}, {3.1, 0.4, true}}) {
+    Diagnosis diagnosis = explained();
+    const FittedLaw law{0, {{"level", "N m", 3.0, 0.1}, {"static_level", "N m", still, error}}};
+    diagnosis.effects = {{law, 0.9, 100.0, {}, {}, {}}};
+    diagnosis.detectable.clear();
+    diagnosis.pictures.clear();
+    std::string all;
+    for (const std::string& line : verdict_words(diagnosis, hypotheses)) all += line + "\n";
+    EXPECT_EQ(all.find("static level not determined.") == std::string::npos, is_seen) << all;
+    EXPECT_EQ(all.find(fmt::format("static level {:.0f}", still)) == std::string::npos, !is_seen)
+        << all;
+  }
+}
+
+// A negative spring where the model has none softens nothing.
+TEST(VerdictWords, SoftenNoSpringThatIsNotThere) {
+  const Hypothesis hypothesis{"axis", "", "stiffness", {}};
+  FoundEffect effect{.law = {0, {{"stiffness", "N/m", -0.14, 0.01}}},
+                     .rivals = {},
+                     .generalisations = {},
+                     .excluded = {}};
+  EXPECT_EQ(effect_sentence(hypothesis, effect), "axis is softer than modelled");
+  effect.is_first_of_its_kind = true;
+  EXPECT_EQ(effect_sentence(hypothesis, effect).find("softer"), std::string::npos);
+  EXPECT_NE(effect_sentence(hypothesis, effect).find("pushes axis away"), std::string::npos);
+}
+
+// What predicts better than what was found comes first, with what to record.
+TEST(VerdictWords, NameABetterRivalFirst) {
+  const std::vector<Hypothesis> hypotheses{{"axis", "", "coulomb", {}},
+                                           {"axis", "", "stribeck", {}}};
+  for (const double errors : {4.7, 1.0}) {
+    Diagnosis diagnosis = explained();
+    diagnosis.noise_is_known = false;
+    diagnosis.detectable.clear();
+    diagnosis.pictures.clear();
+    diagnosis.effects = {{{0, {{"level", "N m", 4.0, 0.1}}}, 0.9, 100.0, {}, {}, {}}};
+    diagnosis.effects[0].rivals = {{{1, {{"level", "N m", 4.0, 0.1}}}, -errors * errors}};
+    std::string all;
+    for (const std::string& line : verdict_words(diagnosis, hypotheses)) all += line + "\n";
+    const std::size_t better = all.find("More likely than coulomb at axis: stribeck at axis"),
+                      found = all.find("Found:");
+    ASSERT_NE(found, std::string::npos) << all;
+    EXPECT_EQ(better<found, errors> 2.0) << all;
+    EXPECT_EQ(all.find("Record slow motion") != std::string::npos, errors > 2.0) << all;
+  }
+}
+
+// A balance of differentiated positions whose mass vanished says nothing.
+TEST(AnswerAdvice, AMachineHasAMassAndNoNegativeSpring) {
+  Diagnosis diagnosis = explained();
+  EXPECT_TRUE(is_of_a_machine(diagnosis));
+  Implausibility flaw{PlausibilityRule::kZero, "bearing.damping", 1e-4, 0.1, "w", "r", false};
+  diagnosis.implausible = {flaw};
+  EXPECT_TRUE(is_of_a_machine(diagnosis));
+  flaw.quantity = "axis.mass";
+  diagnosis.implausible = {flaw};
+  EXPECT_FALSE(is_of_a_machine(diagnosis));
+  diagnosis.implausible = {{PlausibilityRule::kSign, "stiffness", -0.1, 12.0, "w", "r", true}};
+  EXPECT_FALSE(is_of_a_machine(diagnosis));
+}
+
+// Only where the rotor alone keeps the answer from being sure.
+TEST(AnswerAdvice, ARotorThatIsNotSeenIsLeftOut) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kAmbiguous;
+  const auto failed = [](const char* test) {
+    VerdictReason reason;
+    reason.test = test;
+    reason.passed = false;
+    return reason;
+  };
+  diagnosis.reasons = {failed("parameters that are not determined")};
+  Implausibility flaw{
+      PlausibilityRule::kZero, "rotor_inertia_2/gain_2", 0.01, 0.2, "w", "r", false};
+  diagnosis.implausible = {flaw};
+  EXPECT_EQ(rotors_to_leave_out(diagnosis), std::vector<std::size_t>{1});
+  Diagnosis other = diagnosis;
+  other.reasons.push_back(failed("other explanations that are not excluded"));
+  EXPECT_TRUE(rotors_to_leave_out(other).empty());
+  other = diagnosis;
+  other.implausible[0].quantity = "bearing.damping";
+  EXPECT_TRUE(rotors_to_leave_out(other).empty());
+  other = diagnosis;
+  other.verdict = Verdict::kUnknown;
+  EXPECT_TRUE(rotors_to_leave_out(other).empty());
+}
+
+// What to record follows from the rivals' laws.
+TEST(AnswerAdvice, StribeckAsksForSlowMotion) {
+  const std::vector<Hypothesis> hypotheses{{"axis", "", "coulomb", {}},
+                                           {"axis", "", "stribeck", {}}};
+  Diagnosis diagnosis = explained();
+  diagnosis.effects = {{{0, {{"level", "N m", 4.0, 0.1}}}, 0.9, 100.0, {}, {}, {}}};
+  diagnosis.effects[0].rivals = {{{1, {{"level", "N m", 4.0, 0.1}}}, -4.0}};
+  VerdictReason reason;
+  reason.test = "other explanations that are not excluded";
+  reason.passed = false;
+  reason.next = "record larger and faster motion";
+  diagnosis.reasons = {reason};
+  advise_on_rivals(hypotheses, diagnosis);
+  EXPECT_TRUE(diagnosis.reasons[0].next.starts_with("Record slow motion"))
+      << diagnosis.reasons[0].next;
+}
+
 TEST(VerdictWords, SayFirstWhatNoMachineHas) {
   Diagnosis diagnosis = explained();
   diagnosis.verdict = Verdict::kUnknown;
@@ -275,6 +392,10 @@ TEST(VerdictWords, SayFirstWhatNoMachineHas) {
             "Implausible: load.inertia is negative by 9 standard errors: -1.3. Usually ...");
   const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"});
   EXPECT_EQ(json.at("plausibility").at(0).at("quantity"), "load.inertia");
+  // What is in such a fit is not found, and no experiment is asked for it.
+  for (const std::string& line : lines) EXPECT_FALSE(line.starts_with("Found")) << line;
+  EXPECT_TRUE(std::ranges::any_of(
+      lines, [](const std::string& line) { return line.starts_with("In that fit: "); }));
 }
 
 TEST(VerdictFile, ListsWhatWasTriedAndRejected) {
@@ -327,6 +448,12 @@ TEST(VerdictWords, SayWhichExperimentTellsRivalsApart) {
   EXPECT_NE(all.find("7 more recordings, 75 % in position [0, 30, 0] at level 6 from 1 to 10 Hz"),
             std::string::npos)
       << all;
+  // Nobody makes so many.
+  diagnosis.effects[0].rivals[0].next->recordings_needed = 154.0;
+  const std::string many = all_words(diagnosis);
+  EXPECT_NE(many.find("such recordings will not"), std::string::npos) << many;
+  EXPECT_EQ(many.find("more recordings"), std::string::npos) << many;
+  diagnosis.effects[0].rivals[0].next->recordings_needed = 7.0;
   const auto json = verdict_json(diagnosis, kHypotheses, {"m", "c"})["next_experiment"];
   EXPECT_EQ(json["between"][1], "backlash at joint_3.gearbox");
   EXPECT_EQ(json["shares"][0]["band_hz"][1], 10.0);

@@ -1,0 +1,90 @@
+#include "diagnosis/runs/answer_advice.hpp"
+
+#include <algorithm>
+#include <array>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "diagnosis/verdict/law_words.hpp"
+#include "problems/files/yaml_field.hpp"
+#include "problems/mechanisms/lumped_model.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr std::array<std::string_view, 5> kSprings{"stiffness", "cubic_spring", "balancer",
+                                                   "gravity", "dead_zone"};
+
+// Of one mass or a rigid machine; a flexible robot has a spring at every joint.
+std::vector<Element> parts_of(const std::filesystem::path& model, const std::string& format) {
+  if (format == "graybox-lumped/1") return load_lumped_model(model).parts;
+  return load_rigid_robot(model).elements;
+}
+
+bool has_spring(const std::vector<Element>& parts, const std::string& place) {
+  return std::ranges::any_of(parts, [&](const Element& part) {
+    return part.location.name == place &&
+           std::ranges::find(kSprings, part.law_name) != kSprings.end();
+  });
+}
+
+}  // namespace
+
+void mark_first_springs(const std::filesystem::path& model, std::span<const Hypothesis> hypotheses,
+                        Diagnosis& diagnosis) {
+  const auto is_spring = [&](const FoundEffect& effect) {
+    return hypotheses[effect.law.hypothesis].law == "stiffness";
+  };
+  if (std::ranges::none_of(diagnosis.effects, is_spring)) return;
+  const std::string format = YamlField::load(model).at("format").text();
+  if (format == "graybox-robot/1") return;
+  const std::vector<Element> parts = parts_of(model, format);
+  for (FoundEffect& effect : diagnosis.effects) {
+    if (!is_spring(effect)) continue;
+    effect.is_first_of_its_kind = !has_spring(parts, hypotheses[effect.law.hypothesis].place);
+  }
+}
+
+bool is_of_a_machine(const Diagnosis& diagnosis) {
+  const bool loses_the_mass = std::ranges::any_of(diagnosis.implausible, [](const auto& flaw) {
+    return flaw.rule == PlausibilityRule::kZero &&
+           (flaw.quantity.ends_with(".mass") || flaw.quantity.ends_with(".inertia"));
+  });
+  return excluding(diagnosis.implausible) == 0 && !loses_the_mass;
+}
+
+std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
+  constexpr std::string_view kTest = "parameters that are not determined", kName = "rotor_inertia_";
+  if (diagnosis.verdict != Verdict::kAmbiguous) return {};
+  const bool is_alone = std::ranges::all_of(diagnosis.reasons, [&](const VerdictReason& reason) {
+    return reason.passed || !reason.not_tested.empty() || reason.test == kTest;
+  });
+  if (!is_alone) return {};
+  std::vector<std::size_t> joints;
+  for (const Implausibility& flaw : diagnosis.implausible) {
+    if (flaw.rule != PlausibilityRule::kZero || !flaw.quantity.starts_with(kName)) return {};
+    joints.push_back(std::stoul(flaw.quantity.substr(kName.size())) - 1);
+  }
+  return joints;
+}
+
+void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis) {
+  std::string advice;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    for (const Rival& rival : effect.rivals) {
+      const std::string more = advice_for(hypotheses[rival.law.hypothesis]);
+      if (more.empty() || advice.find(more) != std::string::npos) continue;
+      advice += (advice.empty() ? "" : " ") + more;
+    }
+  }
+  if (advice.empty()) return;
+  constexpr std::string_view kTest = "other explanations that are not excluded";
+  for (VerdictReason& reason : diagnosis.reasons) {
+    if (reason.test != kTest || reason.passed || !reason.not_tested.empty()) continue;
+    reason.next = advice.substr(0, advice.size() - 1);  // its end is the line's
+  }
+}
+
+}  // namespace graybox
