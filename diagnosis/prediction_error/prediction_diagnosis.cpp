@@ -744,9 +744,10 @@ class DiagnosisBuilder {
     add_misleading(list);
     add_held_out(list);
     add_growth(list);
-    if (laws > 0.0) add_trend(list);
     add_against_as_given(list);
     add_rest(list);
+    // The first that fails decides, and this may say `ambiguous`.
+    if (laws > 0.0) add_trend(list);
     add_determination(list, Verdict::kAmbiguous);
     if (!result_.validation_after) list.push_back(nothing_kept_out());
     std::size_t rivals = 0;
