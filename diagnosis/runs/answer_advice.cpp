@@ -83,6 +83,8 @@ void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnos
   constexpr std::string_view kTest = "other explanations that are not excluded";
   for (VerdictReason& reason : diagnosis.reasons) {
     if (reason.test != kTest || reason.passed || !reason.not_tested.empty()) continue;
+    // A designed experiment is better advice.
+    if (reason.next.find("larger and faster") == std::string::npos) continue;
     reason.next = advice.substr(0, advice.size() - 1);  // its end is the line's
   }
 }
