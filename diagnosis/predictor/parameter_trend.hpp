@@ -8,7 +8,8 @@
 //   a = -d'r / d'd,     z = a d'd / sqrt(sum over blocks of (d_b'(r_b + a d_b))^2).
 //
 // The blocks are those of left_out_blocks.hpp: residuals may have memory, and change in size
-// (White, Econometrica 48, 1980). Cost: a QR of the Jacobian, and a few products for each covariate.
+// (White, Econometrica 48, 1980). Cost: a QR of the Jacobian, and a few products for each
+// covariate.
 #pragma once
 
 #include "diagnosis/predictor/prediction_fit.hpp"
