@@ -274,11 +274,12 @@ EllipsoidSolution EllipsoidRun::run() {
 }
 
 // The best frame scaled to contain all points. What rounding of its entries adds, the certificate
-// sees, and the next try takes away.
+// sees, and the next try takes away. The entries of a thin ellipsoid round anew with every scale, so
+// the margin grows.
 void EllipsoidRun::certify_scaled(EllipsoidSolution& solution) {
-  constexpr double kMargin = 0x1p-50;
-  constexpr int kTries = 4;
-  double scale = (1.0 - kMargin) / std::sqrt(best_distance_);
+  constexpr int kTries = 6;
+  double margin = 0x1p-50;
+  double scale = (1.0 - margin) / std::sqrt(best_distance_);
   for (int k = 0; k < kTries; ++k) {
     solution.ellipsoid = best_frame_;
     for (double& entry : solution.ellipsoid.factor) entry *= scale;
@@ -286,7 +287,8 @@ void EllipsoidRun::certify_scaled(EllipsoidSolution& solution) {
                                              options_.centred, options_.threads);
     passes_ += 1.0;
     if (solution.certificate.contains_all()) return;
-    scale *= (1.0 - kMargin) / solution.certificate.largest_distance;
+    margin *= 4.0;
+    scale *= (1.0 - margin) / solution.certificate.largest_distance;
   }
 }
 
