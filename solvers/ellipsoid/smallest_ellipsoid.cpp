@@ -274,8 +274,8 @@ EllipsoidSolution EllipsoidRun::run() {
 }
 
 // The best frame scaled to contain all points. What rounding of its entries adds, the certificate
-// sees, and the next try takes away. The entries of a thin ellipsoid round anew with every scale, so
-// the margin grows.
+// sees, and the next try takes away. The entries of a thin ellipsoid round anew with every scale,
+// so the margin grows.
 void EllipsoidRun::certify_scaled(EllipsoidSolution& solution) {
   constexpr int kTries = 6;
   double margin = 0x1p-50;
