@@ -153,6 +153,7 @@ def solve(
     interest: Optional[Sequence[Union[str, int]]] = ...,
     region: Any = ...,
     p: Optional[float] = ...,
+    start: Optional[ArrayLike] = ...,
     time_limit: Optional[float] = ...,
     iteration_limit: int = ...,
     seed: int = ...,
