@@ -15,7 +15,7 @@ namespace graybox::cli {
 // Adds the rules to every command below `app`.
 void check_common_options(CLI::App& app);
 
-// Of the commands that were parsed. Throws InputError naming the option without a value.
+// Asks the commands that were parsed. Throws InputError naming the option without a value.
 void require_values(const CLI::App& app);
 
 }  // namespace graybox::cli

@@ -17,7 +17,7 @@
 
 namespace graybox::cli {
 
-// Of the commands that were parsed. Throws InputError naming the file and the options.
+// Asks the commands that were parsed. Throws InputError naming the file and the options.
 void require_distinct_outputs(const CLI::App& app);
 
 }  // namespace graybox::cli

@@ -93,7 +93,7 @@ class FinalFit {
     Eigen::VectorXd deviation;  // of its logarithm, by blocks
   };
   [[nodiscard]] std::optional<Growth> growth() const;
-  // Of each law what changes most surely; none where all windows are whole recordings.
+  // What changes most surely of each law; none where all windows are whole recordings.
   [[nodiscard]] std::vector<LawTrend> trends() const;
   // z of the model found over another, by blocks left out.
   [[nodiscard]] double z_over(const JudgedModel& poorer) const;

@@ -890,8 +890,8 @@ ExtendedLumpedModel without_fillers(ExtendedLumpedModel model) {
   return model;
 }
 
-// Of a drive that is said to be held where going evenly from sample to sample foretells the motion
-// better.
+// Both holds compared, for a drive that is said to be held; none where going evenly from sample to
+// sample does not foretell the motion better.
 std::optional<HoldComparison> better_held(const LumpedModel& stated, const PredictionData& data,
                                           const Campaign& campaign,
                                           const PredictionFindings& findings, const FinalFit& final,

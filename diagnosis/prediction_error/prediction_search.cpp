@@ -366,7 +366,7 @@ std::vector<RippleTrial> PredictionSearch::ripples(const State& state) const {
   return trials;
 }
 
-// Of the gain, the share that is left once the residuals are white.
+// The gain in chi-square, less the share that goes once the residuals are white.
 double PredictionSearch::evidence_of(const TriedLaw& law, const State& state,
                                      const std::vector<LawExtension>& extensions,
                                      const std::vector<ExtensionScore>& scores) {
