@@ -843,11 +843,11 @@ struct NearerLook {
   std::unique_ptr<FinalFit> final;
 };
 
-// Where the ladder ends without laws.
+// Where the ladder ends without laws. A look that is stopped makes it one that was stopped.
 std::optional<NearerLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
                                       const PredictionHypotheses& hypotheses,
-                                      PredictionSearchOptions options,
-                                      const PredictionFindings& ladder, const FinalFit& without) {
+                                      PredictionSearchOptions options, PredictionFindings& ladder,
+                                      const FinalFit& without) {
   const JudgedModel& found = without.found();
   if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped) return {};
   options.least_gain = options.least_gain_rare = options.least_gain_near_noise = kInnovationGain;
@@ -857,6 +857,7 @@ std::optional<NearerLook> look_nearer(const LumpedModel& stated, const Predictio
   PredictionSearch search(data, hypotheses, options);
   auto findings = std::make_unique<PredictionFindings>(
       search.search_innovations(stated, ladder, found.fit.model));
+  ladder.stopped = findings->stopped;
   if (findings->laws.empty()) return {};
   NearerLook look;
   look.findings = std::move(findings);
@@ -954,7 +955,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
       result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
       return result;
     }
-    const PredictionFindings findings = search.run(stated);
+    PredictionFindings findings = search.run(stated);
     if (findings.usable) {
       const FinalFit ladder(data, hypotheses, findings, threads);
       const std::optional<NearerLook> nearer =
