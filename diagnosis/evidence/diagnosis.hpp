@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "diagnosis/evidence/kept_out_change.hpp"
 #include "diagnosis/hypotheses/checked_range.hpp"
 #include "diagnosis/hypotheses/law_departure.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
@@ -172,6 +173,7 @@ struct Diagnosis {
   std::optional<FreedModel> freed_model;
   // What the model states as certain, and these recordings contradict: it was not freed.
   std::optional<FreedModel> doubted_model;
+  std::optional<KeptOutChange> kept_out_change;
   std::vector<LateChannel> late_channels;
   std::vector<Implausibility> implausible;  // of the final model, those that exclude it first
   bool plausibility_judged = true;          // false: there was no time to

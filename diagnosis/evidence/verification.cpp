@@ -31,6 +31,14 @@ void verify_without_noise(SearchState& state) {
   state.result.verified = none_failed(state);
 }
 
+void find_kept_out_change(SearchState& state) {
+  Diagnosis& result = state.result;
+  if (!result.validation_after || state.problem->noise_is_known()) return;
+  const ExtendedFit own = state.problem->fit_to_kept_out(result.after);
+  result.kept_out_change =
+      kept_out_change(result.after, result.validation_after->nrmse, own, own.estimation.nrmse);
+}
+
 }  // namespace
 
 void verify_rest(SearchState& state) {
@@ -40,6 +48,7 @@ void verify_rest(SearchState& state) {
   state.result.channels_after = state.problem->channel_rests(state.result.after);
   state.problem->find_late_channels(state.result.after, state.result.channels_after);
   state.result.curves_after = state.problem->residual_curves(state.result.after);
+  find_kept_out_change(state);
   if (!state.result.after.laws.empty()) {
     state.result.pictures = state.problem->force_pictures(state.result.after);
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace graybox {
 namespace {
@@ -17,14 +18,32 @@ constexpr double kFewestCrossings = 4.0;  // of a quarter
 // What each sample adds to the squares and to the crossings of the mean.
 struct Added {
   ArrayXd drive, motion, crossings;
+  ArrayXd forwards, backwards;  // of the motion
 };
+
+// Cut at the size that all but a few samples keep: one spike would have all the squares.
+ArrayXd without_spikes(const ArrayXd& values, Index over) {
+  const Index n = values.size(), spikes = std::min(n - 1, 4 * over + n / 500);
+  std::vector<double> sizes(static_cast<std::size_t>(n));
+  for (Index k = 0; k < n; ++k) sizes[static_cast<std::size_t>(k)] = std::abs(values(k));
+  std::ranges::nth_element(sizes, sizes.end() - 1 - spikes);
+  const double most = *(sizes.end() - 1 - spikes);
+  return most > 0.0 ? ArrayXd(values.max(-most).min(most)) : values;
+}
 
 Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   const Index n = drive.size(), over = std::max<Index>(1, n / 500);
-  Added added{drive.array().square(), ArrayXd::Zero(n), ArrayXd::Zero(n)};
+  Added added{without_spikes(drive.array(), 1).square(), ArrayXd::Zero(n), ArrayXd::Zero(n),
+              ArrayXd::Zero(n), ArrayXd::Zero(n)};
+  ArrayXd rates = motion.array();
   for (Index k = 0; k < n; ++k) {
     const double change = motion(k) - motion(std::max<Index>(0, k - over));
-    added.motion(k) = is_velocity ? motion(k) * motion(k) : change * change;
+    if (!is_velocity) rates(k) = change;
+  }
+  rates = without_spikes(rates, over);
+  for (Index k = 0; k < n; ++k) {
+    added.motion(k) = rates(k) * rates(k);
+    (rates(k) > 0.0 ? added.forwards : added.backwards)(k) = added.motion(k);
   }
   const double mean = drive.mean(), near = 0.1 * (drive.array() - mean).abs().maxCoeff();
   int side = 0;
@@ -52,6 +71,14 @@ struct Shares {
   }
 };
 
+// There in one half and back in the other: friction and a constant force are one thing in each.
+bool turns_between_halves(const Added& added) {
+  const double forwards = added.forwards.sum(), backwards = added.backwards.sum();
+  if (std::min(forwards, backwards) < kShare * (forwards + backwards)) return false;
+  return !Shares(added.forwards, 2).have_each(kNothing) &&
+         !Shares(added.backwards, 2).have_each(kNothing);
+}
+
 bool is_chirp(const ArrayXd& crossings) {
   const Index n = crossings.size();
   double quarter[4];
@@ -77,6 +104,7 @@ std::string reason_against_halves(const Added& added) {
     return motion.kept < motion.fitted ? "nothing moves in the second half"
                                        : "nothing moves in the first half";
   }
+  if (turns_between_halves(added)) return "the axis goes one way in each half";
   return is_chirp(added.crossings) ? "the drive's frequency changes along the log" : "";
 }
 
@@ -89,11 +117,14 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
   split.reason = reason_against_halves(added);
   if (split.reason.empty()) return split;
-  const bool by_frequency = is_chirp(added.crossings);
+  const bool by_frequency = is_chirp(added.crossings), by_way = turns_between_halves(added);
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
     if (drive.size() / blocks < kFewestOfBlock) break;
     if (!Shares(added.drive, blocks).have_each(kShare)) continue;
     if (!Shares(added.motion, blocks).have_each(kShare)) continue;
+    const bool has_both_ways = Shares(added.forwards, blocks).have_each(kShare) &&
+                               Shares(added.backwards, blocks).have_each(kShare);
+    if (by_way && !has_both_ways) continue;
     if (by_frequency && !are_alike(added.crossings, blocks)) continue;
     split.count = blocks;
     return split;

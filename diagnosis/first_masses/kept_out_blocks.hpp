@@ -3,7 +3,8 @@
 //
 // Halves are not alike where one of them has less than a fiftieth of the drive's squares: the
 // machine coasts there. The same holds for the motion's squares: it stands. And they are not where
-// the drive's frequency rises or falls along all quarters of the log, by 2.5 in all: a chirp. The
+// the axis goes one way in the first half and the other way in the second, or where the drive's
+// frequency rises or falls along all quarters of the log, by 2.5 in all: a chirp. The
 // frequency is counted by crossings of the mean.
 //
 // Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Taken are the fewest

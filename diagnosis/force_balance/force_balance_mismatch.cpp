@@ -48,6 +48,19 @@ double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
   return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
 }
 
+// Whether these rows tell all parameters of the model apart.
+bool determines_model(const ForceBalanceRows& rows) {
+  constexpr double kIndependent = 1e-8;  // of a normal matrix of unit diagonal
+  const Index count = rows.model.count;
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(count, count);
+  for (const Eigen::MatrixXd& columns : rows.model.in) normal += columns.transpose() * columns;
+  const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt();
+  if (count == 0) return true;
+  if (!(scale.minCoeff() > 0.0)) return false;
+  normal = scale.cwiseInverse().asDiagonal() * normal * scale.cwiseInverse().asDiagonal();
+  return Eigen::LDLT<Eigen::MatrixXd>(normal).vectorD().minCoeff() > kIndependent;
+}
+
 // The recordings once more, with the forces of each joint moved by so many seconds, and bodies as
 // uncertain as this if that is not 0.
 using ReadAgain =
@@ -155,6 +168,14 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
     return fitter_.assess(data_.validation, residuals(fit, data_.validation));
+  }
+
+  [[nodiscard]] ExtendedFit fit_to_kept_out(const ExtendedFit& fit) const override {
+    if (data_.validation.empty() || !determines_model(data_.validation)) return {};
+    ForceBalanceData kept_out = data_;
+    kept_out.estimation = data_.validation;
+    const BalanceFitter fitter(kept_out, hypotheses_, options_.keep_going);
+    return fitter.fit(starts_of(fit), nullptr);
   }
 
   [[nodiscard]] std::optional<double> remaining_structure(const ExtendedFit& fit) const override {

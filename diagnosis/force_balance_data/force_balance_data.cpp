@@ -325,14 +325,15 @@ void refuse_shared_places(const std::filesystem::path& file,
   }
 }
 
+constexpr const char* kKeptBody = "the body of joint";
+
 // What a fit leaves as it is although a recording could tell it, so that nobody takes it for found.
 void remark_what_is_kept(ForceBalanceData& data) {
   const RigidRobotModel& robot = data.robot;
   if (robot.size() == 1 && robot.joints.front().body && !robot.channels.unknown_drive_gains) {
     data.remarks.push_back(
-        fmt::format("the body of joint {} is kept as the model states it; with body: unknown it is "
-                    "estimated",
-                    robot.joints.front().name));
+        fmt::format("{} {} is kept as the model states it; with body: unknown it is estimated",
+                    kKeptBody, robot.joints.front().name));
   }
   for (const Element& element : robot.elements) {
     if (element.use != LawUse::kPayload) continue;
@@ -623,6 +624,9 @@ void name_as_lumped(ForceBalanceData& data) {
   }
   const std::string inertia = data.robot.joints.front().is_prismatic ? ".mass" : ".inertia";
   std::ranges::replace(data.parameter_names, std::string("rotor_inertia_1"), mass + inertia);
+  // A lumped model has no bodies: its mass is estimated.
+  std::erase_if(data.remarks,
+                [](const std::string& remark) { return remark.starts_with(kKeptBody); });
 }
 
 RecordedPlaceMotion motion_at(const CandidatePlace& place, const Motion& piece) {

@@ -316,6 +316,9 @@ class MismatchProblem {
   [[nodiscard]] virtual std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const = 0;
   // On recordings kept out of the fit; none if there are none.
   [[nodiscard]] virtual std::optional<Assessment> validate(const ExtendedFit& fit) const = 0;
+  // The laws of a fit, fitted to the recordings kept out by themselves; unusable where that is not
+  // done, or they don't determine what is fitted.
+  [[nodiscard]] virtual ExtendedFit fit_to_kept_out(const ExtendedFit& /*fit*/) const { return {}; }
   // What a fit makes of these recordings with the errors of its parameters; none if there are none.
   [[nodiscard]] virtual std::optional<HeldOutPrediction> predict_held_out(
       const ExtendedFit& fit) const {

@@ -457,6 +457,18 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
 }
 
+JudgedModel FinalFit::fitted_to_kept_out() const {
+  JudgedModel own;
+  if (!data_->has_validation() || !found_.fit.usable) return own;
+  const PredictionTask task = held_out_task(judged_by_);
+  const PredictionFitter whole = fitter(task);
+  own.fit = whole.fit(found_.fit.model, weights_, {}, kIterations);
+  if (!own.fit.usable) return own;
+  own.error = whole.errors(own.fit, weights_);
+  own.deviations = deviations_of(own.fit);
+  return own;
+}
+
 std::optional<HeldOutError> FinalFit::held_out_ahead(double share) const {
   const std::optional<Index> horizon = rest_->foreseeable(share);
   if (!horizon || *horizon == 0 || !data_->has_validation()) return {};
@@ -736,7 +748,8 @@ std::vector<std::size_t> FinalFit::elsewhere(std::size_t hypothesis) const {
 bool FinalFit::take_plainer_laws() {
   bool has_changed = false;
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
-    const bool is_plainer = take_plainer_law(l) || take_steep_friction(l);
+    const bool is_plainer =
+        take_plainer_law(l) || take_steep_friction(l) || take_friction_for_dead_drive(l);
     has_changed |= is_plainer;
     l = is_plainer ? 0 : l + 1;
   }
@@ -885,6 +898,39 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
 }
 
 // The best of its starts.
+// Where inertia is small, a drive that does not answer to small commands moves a mass as dry friction
+// there does. Every machine has that; few have such a drive.
+bool FinalFit::take_friction_for_dead_drive(std::size_t law) {
+  constexpr double kRarer = 4.0;     // z of a drive that is believed to be dead
+  constexpr double kNoWorse = 1.02;  // of the error kept out
+  const PlacedFinding placed = found_.fit.model.laws[law];
+  const Element& part = found_.fit.model.model.parts[placed.part];
+  if (part.law_name != "dead_zone" || part.location.kind != LocationKind::kActuator) return false;
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const JudgedModel without = judged(without_part(found_.fit.model, placed.part), kIterations);
+  if (!without.fit.usable) return false;
+  JudgedModel best;
+  std::size_t taken = 0;
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    if (all[h].law != "coulomb" || !hypotheses_->is_plain(h)) continue;
+    JudgedModel other = with_law(without, h);
+    if (!other.fit.usable || (best.fit.usable && best.fit.cost <= other.fit.cost)) continue;
+    best = std::move(other);
+    taken = h;
+  }
+  if (!best.fit.usable || z_over(best) >= kRarer) return false;
+  judge_held_out(best);
+  judge_held_out(found_);
+  if (best.held_out_error && found_.held_out_error &&
+      relative_size(*best.held_out_error, best.held_out_scale) >
+          kNoWorse * relative_size(*found_.held_out_error, found_.held_out_scale)) {
+    return false;
+  }
+  accepted_as_[taken] = accepted_as(placed.hypothesis);
+  found_ = std::move(best);
+  return true;
+}
+
 JudgedModel FinalFit::best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
                                      std::optional<std::size_t> replaced) const {
   constexpr double kStart = 0.1;  // of what acts at all

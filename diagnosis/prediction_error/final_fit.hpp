@@ -84,6 +84,8 @@ class FinalFit {
   // The error kept out by which laws are weighed: as far ahead as the fit looks where it stands
   // beside a disturbance, which costs more over a whole run than any law; else that of the model.
   [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const;
+  // The model found, fitted to the recordings kept out by themselves; unusable without any.
+  [[nodiscard]] JudgedModel fitted_to_kept_out() const;
   // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
   // what is kept out is the larger motion, or the harder driven, the ratio of the signals, or of
   // the drives, is divided out: what a law lacks grows with these, and so do most disturbances. In
@@ -153,6 +155,7 @@ class FinalFit {
                                           const ExtendedLumpedModel& bare,
                                           std::size_t hypothesis) const;
   bool take_steep_friction(std::size_t law);
+  bool take_friction_for_dead_drive(std::size_t law);
   [[nodiscard]] bool predicts_further(JudgedModel& plainer) const;
   void add_short_ripples();
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;

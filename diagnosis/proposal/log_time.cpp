@@ -49,8 +49,9 @@ const LogColumn* time_column(const LogRecording& recording) {
   }
   if (falls != nullptr) {
     throw InputError(fmt::format(
-        "{}: column '{}': times must rise, and after row {} they don't; mend the log, or say "
-        "--column '{}=ignore' and --sample-time",
+        "{}: column '{}': times must rise, and after row {} they don't. Where another run begins "
+        "there, cut the file in two behind that row and give both; else say --column '{}=ignore' "
+        "and --sample-time",
         recording.files[falls->file].string(), falls->name, first_fall(falls->values) + 1,
         falls->name));
   }

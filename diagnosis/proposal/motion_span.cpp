@@ -13,7 +13,7 @@
 namespace graybox {
 namespace {
 
-constexpr double kMoves = 0.01;  // of the largest change
+constexpr double kMoves = 0.01;  // of the usual largest change
 constexpr double kShareOfPower = 0.99;
 constexpr double kAbove = 15.0;  // the filter over the motion's frequency
 constexpr double kLowest = 2.0;  // Hz
@@ -27,6 +27,18 @@ Eigen::VectorXd changes(const Eigen::VectorXd& motion, bool is_velocity, Eigen::
     if (std::isfinite(size)) change(k) = size;
   }
   return change;
+}
+
+// The largest change but for those of a few samples, as spikes make them.
+double usual_largest(const Eigen::VectorXd& change, Eigen::Index over) {
+  constexpr double kOfSpikes = 0.002;  // of all samples
+  const Eigen::Index n = change.size();
+  const auto spikes =
+      std::min(n - 1, 4 * over + static_cast<Eigen::Index>(kOfSpikes * static_cast<double>(n)));
+  std::vector<double> sorted(change.begin(), change.end());
+  std::ranges::nth_element(sorted, sorted.end() - 1 - spikes);
+  const double usual = *(sorted.end() - 1 - spikes);
+  return usual > 0.0 ? usual : change.maxCoeff();
 }
 
 // The frequency below which most of the power of the velocity lies.
@@ -60,7 +72,7 @@ MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions, bool are_vel
   MotionSpan span{n - 1, 0};
   for (const Eigen::VectorXd& motion : motions) {
     const Eigen::VectorXd change = changes(motion, are_velocities, over);
-    const double limit = kMoves * change.maxCoeff();
+    const double limit = kMoves * usual_largest(change, over);
     for (Eigen::Index k = 0; k < n; ++k) {
       if (!(change(k) > limit)) continue;
       span.first = std::min(span.first, k);

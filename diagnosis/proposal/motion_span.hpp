@@ -13,8 +13,9 @@ struct MotionSpan {
 };
 
 // A position moves where its change over a fiftieth of a second or two samples is above 1 % of the
-// largest such change; a velocity where it is above 1 % of its largest. Each column of `motions` is
-// one signal.
+// largest such change; a velocity where it is above 1 % of its largest. The largest changes of a
+// few samples, as spikes make them, do not count for that: of four such stretches and two samples
+// in a thousand. Each column of `motions` is one signal.
 [[nodiscard]] MotionSpan motion_span(const std::vector<Eigen::VectorXd>& motions,
                                      bool are_velocities, double sample_time);
 

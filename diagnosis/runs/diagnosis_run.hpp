@@ -20,7 +20,7 @@
 #include "diagnosis/evidence/diagnosis.hpp"
 #include "diagnosis/evidence/search_options.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 
 namespace graybox {
 

@@ -10,6 +10,7 @@
 
 #include "diagnosis/plausibility/plausibility_words.hpp"
 #include "diagnosis/responses/distortion.hpp"
+#include "diagnosis/verdict/error_places.hpp"
 #include "diagnosis/verdict/reason_words.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/distributions.hpp"
@@ -166,6 +167,50 @@ Json late_channels_json(const Diagnosis& diagnosis) {
                     {"late_by_s", number(late.moved.seconds)},
                     {"nrmse_held_out_before", number(late.error_before)},
                     {"nrmse_held_out", number(late.error_after)}});
+  }
+  return list;
+}
+
+Json estimate_json(const LawParameterEstimate& estimate) {
+  return {{"value", number(estimate.value)}, {"standard_error", number(estimate.standard_error)}};
+}
+
+Json kept_out_change_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  if (!diagnosis.kept_out_change) return nullptr;
+  const KeptOutChange& change = *diagnosis.kept_out_change;
+  Json sizes = Json::array();
+  for (const ChangedSize& size : change.sizes) {
+    const Hypothesis* law =
+        size.law ? &hypotheses[diagnosis.after.laws[*size.law].hypothesis] : nullptr;
+    sizes.push_back({{"law", law != nullptr ? Json(law->law) : Json(nullptr)},
+                     {"place", law != nullptr ? Json(law->place) : Json(nullptr)},
+                     {"parameter", size.in_fit.name},
+                     {"unit", size.in_fit.unit},
+                     {"in_fit", estimate_json(size.in_fit)},
+                     {"kept_out", estimate_json(size.kept_out)},
+                     {"standard_errors_apart", number(size.z)}});
+  }
+  return {{"nrmse_predicted", number(change.error_predicted)},
+          {"nrmse_fitted", number(change.error_fitted)},
+          {"sizes", std::move(sizes)}};
+}
+
+Json error_places_json(const Diagnosis& diagnosis) {
+  Json list = Json::array();
+  for (const ErrorPlace& place : error_places_of(diagnosis)) {
+    const bool is_spell = place.kind == ErrorPlace::Kind::kSpell;
+    list.push_back({{"kind", is_spell ? "spell" : "onset"},
+                    {"recording", place.recording},
+                    {"kept_out", place.held_out},
+                    {"channel", place.channel},
+                    {"unit", place.unit},
+                    {"from_s", number(place.from)},
+                    {"to_s", number(place.to)},
+                    {"share", is_spell ? number(place.share) : Json(nullptr)},
+                    {"ratio", is_spell ? Json(nullptr) : number(place.ratio)},
+                    {"low", number(place.low)},
+                    {"high", number(place.high)},
+                    {"nowhere_else", place.is_new}});
   }
   return list;
 }
@@ -406,6 +451,8 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"physics", physics},
       {"rejected", rejected_json(diagnosis, hypotheses)},
       {"late_channels", late_channels_json(diagnosis)},
+      {"kept_out_change", kept_out_change_json(diagnosis, hypotheses)},
+      {"error_places", error_places_json(diagnosis)},
       {"freed_model", freed_model_json(diagnosis.freed_model)},
       {"doubted_model", freed_model_json(diagnosis.doubted_model)},
       {"shapes_compared", diagnosis.shapes_compared},

@@ -9,6 +9,7 @@
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
+#include "diagnosis/verdict/error_places.hpp"
 #include "diagnosis/verdict/friction_words.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/reason_words.hpp"
@@ -352,6 +353,31 @@ void add_fit(const char* data, const std::optional<Assessment>& before,
   lines.push_back(line + ".");
 }
 
+// The same laws with other sizes in the recordings kept out.
+std::vector<std::string> kept_out_change_lines(const Diagnosis& diagnosis,
+                                               std::span<const Hypothesis> hypotheses) {
+  constexpr std::size_t kTold = 3;
+  if (!diagnosis.kept_out_change) return {};
+  const KeptOutChange& change = *diagnosis.kept_out_change;
+  std::string sizes;
+  for (std::size_t i = 0; i < std::min(kTold, change.sizes.size()); ++i) {
+    const ChangedSize& size = change.sizes[i];
+    std::string of;
+    if (size.law) {
+      const Hypothesis& law = hypotheses[diagnosis.after.laws[*size.law].hypothesis];
+      of = fmt::format(" of {} at {}", spaced(law.law), law.place);
+    }
+    sizes +=
+        fmt::format("{}{}{} {} instead of {}", sizes.empty() ? "" : "; ", spaced(size.in_fit.name),
+                    of, estimate_words(size.kept_out), estimate_words(size.in_fit));
+  }
+  return {fmt::format(
+      "Kept out, other sizes: the same model, fitted to these recordings by themselves, leaves "
+      "{:.3g} % there instead of {:.3g} %, with {}. Something changed between the recordings, as a "
+      "load, a temperature or a setting; or a law that was found only resembles what is there.",
+      change.error_fitted, change.error_predicted, sizes)};
+}
+
 // What keeps one channel from being explained; empty: nothing.
 std::string doubt_of(const ChannelRest& rest) {
   const SearchOptions limits;
@@ -670,6 +696,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           diagnosis.noise_is_known, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
           diagnosis.noise_is_known, lines);
+  add(kept_out_change_lines(diagnosis, hypotheses));
+  if (diagnosis.verdict != Verdict::kExplained) add(error_place_lines(diagnosis));
   if (diagnosis.detection.detected && diagnosis.noise_is_known && !diagnosis.rest_was_tested) {
     lines.push_back("Whether what is left is noise was not tested: there was no time.");
   } else if (diagnosis.detection.detected && diagnosis.noise_is_known) {

@@ -16,6 +16,31 @@ namespace {
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
+// Digits, one comma, digits, and perhaps an exponent.
+bool has_decimal_comma(std::string_view field) {
+  const auto skip_digits = [&] {
+    std::size_t count = 0;
+    while (count < field.size() && field[count] >= '0' && field[count] <= '9') ++count;
+    field.remove_prefix(count);
+    return count;
+  };
+  if (field.starts_with('+') || field.starts_with('-')) field.remove_prefix(1);
+  const std::size_t before = skip_digits();
+  if (!field.starts_with(',')) return false;
+  field.remove_prefix(1);
+  if (before + skip_digits() == 0) return false;
+  if (field.empty()) return true;
+  if (field.front() != 'e' && field.front() != 'E') return false;
+  field.remove_prefix(1);
+  if (field.starts_with('+') || field.starts_with('-')) field.remove_prefix(1);
+  return skip_digits() > 0 && field.empty();
+}
+
+bool is_number_with_point(std::string_view field) {
+  double ignored = 0.0;
+  return field.find('.') != std::string_view::npos && parse_number(field, ignored);
+}
+
 }  // namespace
 
 std::string_view trimmed(std::string_view text) {
@@ -54,6 +79,7 @@ FieldSplitter::FieldSplitter(std::string_view first_line) {
 
 const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) {
   fields_.clear();
+  const std::string_view whole = line;
   while (true) {
     const std::size_t end = separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);
     std::string_view field = trimmed(line.substr(0, end));
@@ -61,9 +87,23 @@ const std::vector<std::string_view>& FieldSplitter::split(std::string_view line)
       field = trimmed(field.substr(1, field.size() - 2));
     }
     fields_.push_back(field);
-    if (end == std::string_view::npos) return fields_;
+    if (end == std::string_view::npos) break;
     line.remove_prefix(end + 1);
     if (separator_ == ' ') line = trimmed(line);  // a run of blanks separates once
+  }
+  if (separator_ == ';' || separator_ == '\t') take_decimal_commas(whole);
+  return fields_;
+}
+
+void FieldSplitter::take_decimal_commas(std::string_view line) {
+  if (!has_points_) has_points_ = std::ranges::any_of(fields_, is_number_with_point);
+  if (has_points_ || line.find(',') == std::string_view::npos) return;
+  with_points_.assign(line.begin(), line.end());
+  for (std::string_view& field : fields_) {
+    if (!has_decimal_comma(field)) continue;
+    char* const begin = with_points_.data() + (field.data() - line.data());
+    std::replace(begin, begin + field.size(), ',', '.');
+    field = {begin, field.size()};
   }
 }
 

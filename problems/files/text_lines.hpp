@@ -38,6 +38,10 @@ class LineReader {
 // Cuts the lines of one table into fields. The first of semicolon, comma and tab that occurs in the
 // table's first line separates them; where none occurs, runs of blanks and tabs do. Quotes around a
 // field are taken off.
+//
+// Where semicolons or tabs separate, numbers may have decimal commas: "1,25" is 1.25 and "2,5e-3" is
+// 0.0025. Not where other numbers of the table have points, for a comma then may stand between
+// thousands; such a field is left as it is, and is no number.
 class FieldSplitter {
  public:
   explicit FieldSplitter(std::string_view first_line);
@@ -46,8 +50,12 @@ class FieldSplitter {
   const std::vector<std::string_view>& split(std::string_view line);
 
  private:
+  void take_decimal_commas(std::string_view line);
+
   char separator_ = ' ';
+  bool has_points_ = false;  // in numbers, so far
   std::vector<std::string_view> fields_;
+  std::vector<char> with_points_;  // the line, where it has decimal commas
 };
 
 // Whether a table's first line names its columns: no field is a number. One number among words

@@ -23,7 +23,7 @@
 #include "bench/challenge/detectability.hpp"
 #include "bench/challenge/same_system.hpp"
 #include "bench/challenge/score_challenge.hpp"
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/mechanisms/lumped_model.hpp"

@@ -238,7 +238,10 @@ TEST_F(Recordings, DamagedTablesAreRefusedWithTheirLine) {
   };
   refused("u,y\n1,2\n1,two\n", "line 3, column 'y': 'two' is no number");
   refused("u,y\n1,2\n1\n", "line 3: 1 fields, but there are 2 columns");
-  refused("u;y\n1,5;2,5\n", "write a decimal point");
+  // Between thousands or decimal: a table has one of the two.
+  refused("u;y\n1.5;2.5\n1,5;2,5\n", "write a decimal point");
+  refused("u;y\n1,000,000;2\n", "write a decimal point");
+  refused("u;y\n1.000,5;2\n", "write a decimal point");
   refused("u,u\n1,2\n", "two columns are called 'u'");
   refused("u,y\n", "no numbers");
   refused("", "empty");
@@ -252,6 +255,9 @@ TEST_F(Recordings, TablesHaveManyForms) {
   const Eigen::Vector2d expected(2.0, 4.0);
   EXPECT_EQ(values("a,b\n1,2\n3,4\n", "b"), expected);
   EXPECT_EQ(values("\xEF\xBB\xBF# note\na;b [deg]\r\n1;2\r\n3;4\r\n", "b"), expected);
+  EXPECT_EQ(values("a;b\n1,25;2,0\n3;+0,4e1\n", "b"), expected);
+  EXPECT_EQ(values("Zeit [s]\tb\n0,1\t2,000\n0,2\t4\n", "b"), expected);
+  EXPECT_EQ(values("a;b\n-1,25;2\n-1,5;4\n", "a"), Eigen::Vector2d(-1.25, -1.5));
   EXPECT_EQ(values("1 2\n3   4\n", "2"), expected);
   EXPECT_EQ(values("\"a\"\t\"b c\"\n1\t2\n3\t4\n", "b c"), expected);
 }

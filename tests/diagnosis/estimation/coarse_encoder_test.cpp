@@ -8,7 +8,7 @@
 #include <numbers>
 #include <string>
 
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "tests/support/temporary_folder.hpp"
 

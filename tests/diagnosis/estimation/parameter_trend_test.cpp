@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/predictor/residual_whitener.hpp"
 #include "tests/support/temporary_folder.hpp"
 

@@ -15,8 +15,8 @@
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/prediction_error/friction_energy.hpp"
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 #include "diagnosis/predictor/stationary_gain.hpp"
 #include "problems/base/error.hpp"

@@ -13,8 +13,8 @@
 #include <random>
 
 #include "diagnosis/prediction_error/latent_structure.hpp"
-#include "diagnosis/prediction_error/prediction_diagnosis.hpp"
 #include "diagnosis/prediction_error/ripple_trials.hpp"
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/predictor/latent_force.hpp"
 #include "tests/support/simulated_drives.hpp"
 #include "tests/support/temporary_folder.hpp"

@@ -201,6 +201,25 @@ TEST(KeptOutBlocks, ADriveInOneHalfIsShared) {
   }
 }
 
+// There and back once: dry friction and a constant force are one thing in each half.
+TEST(KeptOutBlocks, OneStrokeThereAndBackIsShared) {
+  constexpr Index kCount = 2000;
+  VectorXd position(kCount), force(kCount);
+  for (Index k = 0; k < kCount; ++k) {
+    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / kCount;
+    position(k) = 1.0 - std::cos(turn);
+    force(k) = std::sin(turn) + 0.3 * std::sin(11.0 * turn);
+  }
+  const KeptOutBlocks split = kept_out_blocks(force, position, false);
+  ASSERT_EQ(split.count, 4);
+  EXPECT_EQ(split.reason, "the axis goes one way in each half");
+  // Three times there and back: halves hold both ways.
+  for (Index k = 0; k < kCount; ++k) {
+    position(k) = 1.0 - std::cos(6.0 * std::numbers::pi * static_cast<double>(k) / kCount);
+  }
+  EXPECT_EQ(kept_out_blocks(force, position, false).count, 2);
+}
+
 // A push of a few samples can't be shared.
 TEST(KeptOutBlocks, AKickIsNotShared) {
   VectorXd force = VectorXd::Zero(2000);

@@ -295,7 +295,7 @@ TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   EXPECT_EQ(read("").columns[0].name, "1");
   // A title that can't be told from a header is refused with what to do.
   testing::expect_refused([&] { read("Recorder v3\ntime\n"); }, "delete what stands above");
-  testing::write_text(folder.file("log.csv"), "time;angle\n0,1;0,2\n0,2;0,3\n");
+  testing::write_text(folder.file("log.csv"), "time;angle\n0,1;0.2\n0,2;0.3\n");
   testing::expect_refused([&] { (void)read_recording_file(folder.file("log.csv")); },
                           "write a decimal point");
 }

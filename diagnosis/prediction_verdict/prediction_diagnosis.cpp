@@ -1,0 +1,493 @@
+#include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_error/latent_pictures.hpp"
+#include "diagnosis/prediction_error/prediction_search.hpp"
+#include "diagnosis/prediction_error/reversed_outputs.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_verdict/prediction_effects.hpp"
+#include "diagnosis/prediction_verdict/prediction_reasons.hpp"
+#include "diagnosis/predictor/drive_hold.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/files/yaml_field.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
+constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+
+Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
+                      double samples) {
+  Assessment result;
+  result.degrees_of_freedom = samples * static_cast<double>(error.size());
+  result.chi_square = samples * (error.array() / noise.array()).square().sum();
+  result.nrmse = 100.0 * relative_size(error, scale);
+  result.variance_accounted_for = 100.0 * (1.0 - (error.array() / scale.array()).square().mean());
+  return result;
+}
+
+bool is_velocity(const std::string& unit) { return unit == "m/s" || unit == "rad/s"; }
+
+class DiagnosisBuilder {
+ public:
+  DiagnosisBuilder(const LumpedModel& stated, const PredictionData& data,
+                   const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
+                   const FinalFit& final)
+      : stated_(&stated),
+        data_(&data),
+        hypotheses_(&hypotheses),
+        findings_(&findings),
+        final_(&final) {}
+
+  [[nodiscard]] Diagnosis build() {
+    result_.before = extended_fit(final_->as_given());
+    result_.after = extended_fit(final_->found());
+    result_.validation_before = held_out(final_->as_given());
+    result_.validation_after = held_out(final_->found());
+    motion_ = final_->motion();
+    const PredictionEffects effects(*stated_, *data_, *hypotheses_, *findings_, *final_);
+    result_.effects = effects.of(result_.after.laws);
+    add_channels();
+    add_ranking();
+    result_.curves_before = final_->curves(final_->as_given());
+    result_.curves_after = final_->curves(final_->found());
+    if (const LatentForce* force = final_->rest().force()) {
+      result_.pictures = latent_pictures(final_->found().fit.model, *force);
+    }
+    const PredictionReasons reasons(*stated_, *data_, *hypotheses_, *findings_, *final_);
+    result_.detection.detected = !result_.effects.empty() || !reasons.is_disturbance();
+    result_.may_be_disturbed = result_.effects.empty() && final_->rest().force() != nullptr &&
+                               reasons.is_without_structure();
+    result_.checked = checked();
+    result_.implausible =
+        implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
+    result_.interrupted = findings_->stopped;
+    result_.kept_out_change = change_of_kept_out();
+    result_.reasons = reasons.of(result_);
+    result_.verdict = verdict_of(result_.reasons);
+    result_.verified =
+        std::ranges::none_of(result_.reasons, [](const VerdictReason& r) { return has_failed(r); });
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] double samples() const {
+    double count = 0.0;
+    for (const OutputErrorRecording& recording : data_->recordings()) {
+      if (recording.role == ExperimentRole::kEstimation) {
+        count += static_cast<double>(recording.time.size());
+      }
+    }
+    return count;
+  }
+
+  [[nodiscard]] ExtendedFit extended_fit(const JudgedModel& judged) const {
+    ExtendedFit fit;
+    fit.usable = judged.fit.usable;
+    if (!fit.usable) {
+      fit.trouble = "its simulation leaves all bounds";
+      return fit;
+    }
+    const ExtendedLumpedModel& model = judged.fit.model;
+    for (std::size_t i = 0; i < judged.fit.free.size(); ++i) {
+      const std::size_t index = judged.fit.free[i];
+      if (index >= model.own_parameters()) continue;
+      const LumpedParameter& parameter = model.model.parameters[index];
+      fit.model_parameters.push_back(
+          {parameter.name, parameter.unit, parameter.value,
+           judged.deviations.size() > 0 ? judged.deviations(static_cast<Index>(i)) : kNaN});
+    }
+    const JudgedModel* with_errors = judged.deviations.size() > 0 ? &judged : nullptr;
+    for (const PlacedFinding& law : model.laws) {
+      fit.laws.push_back(fitted_law(model, law, with_errors));
+    }
+    fit.deviance = samples() * (judged.error.array() / data_->noise().array()).square().sum();
+    fit.parameter_count = judged.fit.free.size();
+    fit.estimation = assessment(judged.error, data_->output_scale(), data_->noise(), samples());
+    return fit;
+  }
+
+  [[nodiscard]] std::optional<KeptOutChange> change_of_kept_out() const {
+    if (!result_.validation_after) return {};
+    const JudgedModel own = final_->fitted_to_kept_out();
+    if (!own.fit.usable) return {};
+    return kept_out_change(result_.after, result_.validation_after->nrmse, extended_fit(own),
+                           100.0 * relative_size(own.error, final_->found().held_out_scale));
+  }
+
+  [[nodiscard]] std::optional<Assessment> held_out(const JudgedModel& judged) const {
+    if (!judged.held_out_error) return {};
+    return assessment(*judged.held_out_error, judged.held_out_scale, data_->noise(), 1.0);
+  }
+
+  [[nodiscard]] std::vector<ChannelRest> channel_rests(const JudgedModel& judged) const {
+    std::vector<ChannelRest> rests;
+    if (!judged.fit.usable) return rests;
+    const Index outputs = data_->output_count();
+    const Eigen::Map<const MatrixXd> table(judged.fit.residuals.data(), outputs,
+                                           judged.fit.residuals.size() / outputs);
+    for (Index j = 0; j < outputs; ++j) {
+      ChannelRest rest;
+      rest.channel = stated_->output_names[static_cast<std::size_t>(j)];
+      rest.nrmse = 100.0 * judged.error(j) / data_->output_scale()(j);
+      const VectorXd e = table.row(j).transpose();
+      const Index n = e.size() - 1;
+      const double memory = e.head(n).dot(e.tail(n)) / std::max(e.squaredNorm(), 1e-300);
+      rest.autocorrelated_error = rest.nrmse * std::clamp(memory, 0.0, 1.0);
+      rests.push_back(std::move(rest));
+    }
+    return rests;
+  }
+
+  void add_channels() {
+    result_.channels_before = channel_rests(final_->as_given());
+    result_.channels_after = channel_rests(final_->found());
+  }
+
+  void add_ranking() {
+    for (const ExtensionScore& score : findings_->ranking) {
+      const LawExtension& law = findings_->ranked[score.extension];
+      const bool is_known = std::ranges::any_of(result_.ranking, [&](const HypothesisScore& other) {
+        return other.start.hypothesis == law.hypothesis;
+      });
+      if (is_known) continue;
+      HypothesisScore entry;
+      entry.start.hypothesis = law.hypothesis;
+      entry.explained_share = score.share;
+      entry.amplitude = score.amplitude;
+      entry.amplitude_deviation = score.deviation;
+      result_.ranking.push_back(std::move(entry));
+    }
+  }
+
+  [[nodiscard]] CheckedRange checked() const {
+    CheckedRange range;
+    range.kept_out = data_->has_validation();
+    const auto role = range.kept_out ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
+    for (const OutputErrorRecording& recording : data_->recordings()) {
+      if (recording.role != role) continue;
+      if (std::ranges::count(range.files, recording.name) == 0)
+        range.files.push_back(recording.name);
+      for (Index j = 0; j < recording.outputs.cols(); ++j) {
+        const auto at = static_cast<std::size_t>(j);
+        const double low = recording.outputs.col(j).minCoeff();
+        const double high = recording.outputs.col(j).maxCoeff();
+        if (range.spans.size() <= at) {
+          range.spans.push_back({stated_->output_names[at], stated_->output_units[at], low, high});
+        }
+        range.spans[at].from = std::min(range.spans[at].from, low);
+        range.spans[at].to = std::max(range.spans[at].to, high);
+      }
+    }
+    return range;
+  }
+
+  [[nodiscard]] PhysicalContext context() const {
+    PhysicalContext context;
+    const JudgedModel& found = final_->found();
+    for (const std::size_t index : found.fit.free) {
+      if (index >= found.fit.model.own_parameters()) continue;
+      context.starts.push_back(start_of(index, found.fit.model.model.parameters[index].value));
+      const ParameterSpace& space = found.fit.model.space[index];
+      // The others may become zero. A velocity at a bound is one that the motion does not show.
+      const bool has_bounds = space.logarithmic && !is_velocity(stated_->parameters[index].unit);
+      const bool has_lowest = has_bounds && space.low > kVanished * space.scale;
+      context.lowest.push_back(has_lowest ? space.low : PhysicalQuantity::kNone);
+      context.highest.push_back(has_bounds ? space.high : PhysicalQuantity::kNone);
+    }
+    for (const PlacedFinding& law : found.fit.model.laws) {
+      context.laws.push_back(context_of(found.fit.model.model, law.part));
+    }
+    return context;
+  }
+
+  // As stated or as fitted without laws, whichever is nearer: what is stated may be a guess, and
+  // what is fitted stands in for laws.
+  [[nodiscard]] double start_of(std::size_t parameter, double value) const {
+    const double stated = stated_->parameters[parameter].value;
+    const double fitted = findings_->as_given.model.parameters[parameter].value;
+    const auto distance = [&](double start) {
+      return start * value > 0.0 ? std::abs(std::log(start / value))
+                                 : std::numeric_limits<double>::infinity();
+    };
+    return distance(stated) < distance(fitted) ? stated : fitted;
+  }
+
+  [[nodiscard]] PhysicalContext::OfLaw context_of(const LumpedModel& model,
+                                                  std::size_t part) const {
+    PhysicalContext::OfLaw own{0.0, 0.0, 0.0, {}};
+    const Element& law = model.parts[part];
+    if (law.location.kind != LocationKind::kElement) return own;
+    own.trace.carried = data_->largest_force();
+    for (std::size_t i = 0; i < model.parts.size(); ++i) {
+      const Element& other = model.parts[i];
+      if (i == part || other.location.kind != LocationKind::kElement ||
+          other.location.output != law.location.output) {
+        continue;
+      }
+      if (other.law_name == "stiffness") own.stiffness += other.parameters[0];
+      if (other.law_name == "viscous") own.damping += other.parameters[0];
+    }
+    if (!law.law || law.law->state_count() > 0 || law.location.driver >= 0) return own;
+    const Index m = motion_.cols() / 2;
+    const VectorXd z = motion_.leftCols(m) * law.location.input;
+    const VectorXd rate = motion_.rightCols(m) * law.location.input;
+    own.trace.deflection.assign(z.data(), z.data() + z.size());
+    own.trace.rate.assign(rate.data(), rate.data() + rate.size());
+    for (Index k = 0; k < z.size(); ++k) {
+      own.trace.force.push_back(law.law->force(z(k), rate(k), {}));
+    }
+    return own;
+  }
+
+  const LumpedModel* stated_;
+  const PredictionData* data_;
+  const PredictionHypotheses* hypotheses_;
+  const PredictionFindings* findings_;
+  const FinalFit* final_;
+  MatrixXd motion_;
+  Diagnosis result_;
+};
+
+// Where no force acts, motion tells forces relative to masses alone: one mass is held at what is
+// stated. The sentence that says so, or nothing.
+std::string hold_scale(const PredictionData& data, LumpedModel& model) {
+  const auto tells_scale = [](const LumpedParameter& parameter) {
+    return parameter.unit.starts_with("kg") || parameter.unit.starts_with('N');
+  };
+  const bool is_told = std::ranges::any_of(model.parameters, [&](const LumpedParameter& parameter) {
+    return parameter.fixed && tells_scale(parameter);
+  });
+  if (!data.moves_freely() || is_told) return {};
+  for (LumpedParameter& parameter : model.parameters) {
+    if (!parameter.unit.starts_with("kg") || !(parameter.value > 0.0)) continue;
+    parameter.fixed = true;
+    return fmt::format(
+        "No force acts in these recordings, so masses and forces are known relative to each other: "
+        "{} was held at {:.4g} {}, as stated.",
+        parameter.name, parameter.value, parameter.unit);
+  }
+  return {};
+}
+
+// What the fit moved far from what the model states, in a sentence; or nothing. A damping may
+// vanish: it often stands in for friction that was found.
+std::string moved_words(const LumpedModel& stated,
+                        const std::vector<LawParameterEstimate>& fitted) {
+  constexpr double kFar = 10.0;  // times
+  std::string words;
+  for (std::size_t i = 0; i < std::min(stated.parameters.size(), fitted.size()); ++i) {
+    const LumpedParameter& parameter = stated.parameters[i];
+    if (parameter.fixed || !(parameter.value > 0.0)) continue;
+    const double ratio = fitted[i].value / parameter.value;
+    const bool may_vanish = parameter.range == ParameterRange::kNonNegative;
+    if (ratio < kFar && (may_vanish || ratio > 1.0 / kFar)) continue;
+    const double error = fitted[i].standard_error;
+    words += fmt::format("{}{} from {:.3g} to {:.3g}{} {}", words.empty() ? "" : "; ",
+                         fitted[i].name, parameter.value, fitted[i].value,
+                         error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
+  }
+  return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";
+}
+
+// A plant that does not forget is searched over windows only.
+void require_windows(const LumpedModel& model, const PredictionData& data,
+                     const Campaign& campaign) {
+  const double duration = data.sample_time() * static_cast<double>(data.shortest());
+  const Index windows = data.window_count(kShortestHorizon);
+  if (forgets(model, duration) || windows >= kFewestHorizonWindows) return;
+  throw InputError(fmt::format(
+      "{}: experiments: a diagnosis by prediction error needs {} windows of {} samples, and these "
+      "recordings have {}: add longer ones",
+      campaign.file.string(), kFewestHorizonWindows, kShortestHorizon, windows));
+}
+
+// Laws one sample ahead, beside a disturbance, and what comes of them.
+struct NearerLook {
+  std::unique_ptr<PredictionFindings> findings;  // that the final fit refers to
+  std::unique_ptr<FinalFit> final;
+};
+
+// Where the ladder ends without laws. A look that is stopped makes it one that was stopped.
+std::optional<NearerLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
+                                      const PredictionHypotheses& hypotheses,
+                                      PredictionSearchOptions options, PredictionFindings& ladder,
+                                      const FinalFit& without) {
+  const JudgedModel& found = without.found();
+  if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped) return {};
+  options.least_gain = options.least_gain_rare = options.least_gain_near_noise = kInnovationGain;
+  options.least_gain_of_rounding = 0.0;
+  options.errors_of_gain = kInnovationErrors;
+  options.least_evidence = kInnovationEvidence;
+  PredictionSearch search(data, hypotheses, options);
+  auto findings = std::make_unique<PredictionFindings>(
+      search.search_innovations(stated, ladder, found.fit.model));
+  ladder.stopped = findings->stopped;
+  if (findings->laws.empty()) return {};
+  NearerLook look;
+  look.findings = std::move(findings);
+  look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
+  if (!look.final->found().fit.usable || look.final->found().fit.model.laws.empty()) return {};
+  return look;
+}
+
+Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
+  Diagnosis diagnosis;
+  diagnosis.interrupted = findings.stopped;
+  if (!findings.stopped) {
+    diagnosis.trouble =
+        "the model as it is can't be fitted: with the stated values its simulation grows without "
+        "bound";
+  }
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  return diagnosis;
+}
+
+// Laws that make up for a drive that is early or late.
+ExtendedLumpedModel without_fillers(ExtendedLumpedModel model) {
+  constexpr std::array kFillers{"mode", "resonance", "lag", "delay"};
+  for (std::size_t l = 0; l < model.laws.size();) {
+    const std::size_t part = model.laws[l].part;
+    const bool fills = std::ranges::count(kFillers, model.model.parts[part].law_name) > 0;
+    if (fills) model = without_part(model, part);
+    l = fills ? 0 : l + 1;
+  }
+  return model;
+}
+
+// Both holds compared, for a drive that is said to be held; none where going evenly from sample to
+// sample does not foretell the motion better.
+std::optional<HoldComparison> better_held(const LumpedModel& stated, const PredictionData& data,
+                                          const Campaign& campaign,
+                                          const PredictionFindings& findings, const FinalFit& final,
+                                          int threads) {
+  constexpr double kErrors = 4.0, kLess = 0.9;  // z, and of the error
+  if (campaign.hold != InputHold::kZero || findings.stopped ||
+      !std::isfinite(data.largest_force())) {
+    return {};
+  }
+  Campaign changed = campaign;
+  changed.hold = InputHold::kFirst;
+  PredictionData other(stated, changed, threads);
+  other.limit_noise(data.noise());
+  HoldComparison both;
+  const ExtendedLumpedModel model = without_fillers(final.found().fit.model);
+  for (const Index horizon : {data.first_horizon(), final.found().horizon}) {
+    HoldComparison each =
+        compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
+    if (each.usable && each.z > both.z) both = each;
+  }
+  const bool is_better = both.usable && both.z > kErrors && both.error_other < kLess * both.error;
+  if (!is_better) return {};
+  return both;
+}
+
+// With the drive between its samples as the campaign says. `other`: filled where the motion is
+// foretold better otherwise.
+PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
+                                     const SearchOptions& options, int threads,
+                                     std::optional<HoldComparison>* other) {
+  const std::string format = YamlField::load(model).at("format").text();
+  if (format != "graybox-lumped/1") {
+    throw InputError(
+        fmt::format("{}: format: a diagnosis by prediction error takes "
+                    "graybox-lumped/1 models, not {}",
+                    model.string(), format));
+  }
+  LumpedModel stated = load_lumped_model(model);
+  PredictionData data(stated, campaign, threads);
+  const std::string held = hold_scale(data, stated);
+  PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  require_windows(stated, searched, campaign);
+  const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
+  PredictionSearchOptions search_options;
+  search_options.threads = threads;
+  search_options.proceed = options.proceed;
+  if (options.effect_limit > 0) search_options.most_laws = options.effect_limit;
+  PredictionDiagnosis result{hypotheses.hypotheses(), {}, {}};
+  PredictionSearch search(searched, hypotheses, search_options);
+  try {
+    limit_noise(searched, stated, threads);
+    data.limit_noise(searched.noise());
+    if (!options.ignore_channel_faults) {
+      result.diagnosis.channel_faults =
+          find_reversed_outputs(stated, searched, hypotheses, threads);
+    }
+    if (!result.diagnosis.channel_faults.empty()) {
+      result.diagnosis.trouble = "the recordings are not what the channels say";
+      result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
+      result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+      return result;
+    }
+    PredictionFindings findings = search.run(stated);
+    if (findings.usable) {
+      const FinalFit ladder(data, hypotheses, findings, threads);
+      const std::optional<NearerLook> nearer =
+          look_nearer(stated, data, hypotheses, search_options, findings, ladder);
+      const FinalFit& final = nearer ? *nearer->final : ladder;
+      if (final.found().fit.usable) {
+        if (other != nullptr)
+          *other = better_held(stated, data, campaign, findings, final, threads);
+        if (other != nullptr && *other) return result;
+        result.diagnosis =
+            DiagnosisBuilder(stated, data, hypotheses, nearer ? *nearer->findings : findings, final)
+                .build();
+        for (const std::string& words :
+             {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
+          if (!words.empty()) result.diagnosis.assumptions.push_back(words);
+        }
+        result.doubt = doubt_about(result.diagnosis, result.hypotheses);
+        return result;
+      }
+    }
+    result.diagnosis = without_fit(findings, options);
+    if (!findings.stopped) result.doubt = "the model as given could not be fitted";
+  } catch (const Stopped&) {
+    result.diagnosis.interrupted = true;
+    result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
+    result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+  }
+  return result;
+}
+
+}  // namespace
+
+PredictionDiagnosis diagnose_by_prediction(const std::filesystem::path& model,
+                                           const Campaign& campaign, const SearchOptions& options,
+                                           int threads) {
+  std::optional<HoldComparison> held;
+  PredictionDiagnosis result = diagnose_as_held(model, campaign, options, threads, &held);
+  if (!held) return result;
+  Campaign changed = campaign;
+  changed.hold = InputHold::kFirst;
+  result = diagnose_as_held(model, changed, options, threads, nullptr);
+  result.diagnosis.assumptions.push_back(fmt::format(
+      "The drive was taken to go evenly from sample to sample, not to be held between them: so the "
+      "error {} is {:.3g} % instead of {:.3g} % ({:.2g} standard errors). A force or a "
+      "current that was measured goes so; write `hold: first` in the campaign.",
+      held->horizon == 0 ? "in free run" : fmt::format("{:.2g} s ahead", held->seconds),
+      100.0 * held->error_other, 100.0 * held->error, held->z));
+  return result;
+}
+
+}  // namespace graybox

@@ -1,0 +1,211 @@
+#include "diagnosis/prediction_verdict/prediction_effects.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace graybox {
+namespace {
+
+using Eigen::VectorXd;
+
+constexpr double kExcluded = 2.0;  // z of what is found over a rival
+
+double percent(const VectorXd& error, const VectorXd& scale) {
+  return 100.0 * relative_size(error, scale);
+}
+
+Rival rival_of(const TriedLaw& tried) {
+  Rival rival;
+  rival.law = fitted_law(tried.fit.model, tried.fit.model.laws.back(), nullptr);
+  rival.bic_difference = tried.behind * std::abs(tried.behind);
+  return rival;
+}
+
+bool is_named(std::size_t hypothesis, const FoundEffect& effect) {
+  const auto names = [&](const std::vector<Rival>& rivals) {
+    return std::ranges::any_of(
+        rivals, [&](const Rival& rival) { return rival.law.hypothesis == hypothesis; });
+  };
+  return names(effect.rivals) || names(effect.excluded);
+}
+
+}  // namespace
+
+FittedLaw fitted_law(const ExtendedLumpedModel& model, const PlacedFinding& law,
+                     const JudgedModel* judged) {
+  FittedLaw result;
+  result.hypothesis = law.hypothesis;
+  const Element& part = model.model.parts[law.part];
+  const LawEntry& entry = *find_law(part.law_name, part.location.kind != LocationKind::kElement);
+  const std::size_t first = model.first_parameter(law.part);
+  for (std::size_t p = 0; p < part.parameters.size(); ++p) {
+    double error = std::numeric_limits<double>::quiet_NaN();
+    if (judged != nullptr) {
+      const auto at = std::ranges::find(judged->fit.free, first + p);
+      if (at != judged->fit.free.end()) error = judged->deviations(at - judged->fit.free.begin());
+    }
+    result.parameters.push_back(
+        estimate_of(entry.parameters[p], part.location.units, part.parameters[p], error));
+  }
+  return result;
+}
+
+std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& without) const {
+  const auto poorer = final_->law_held_out(without);
+  const auto richer = final_->law_held_out(final_->found());
+  if (!poorer || !richer) return {};
+  const VectorXd& scale = final_->found().held_out_scale;
+  HeldOutEffect effect;
+  effect.error_without = percent(poorer->error, scale);
+  effect.error_with = percent(richer->error, scale);
+  effect.seconds_ahead = static_cast<double>(richer->horizon) * data_->sample_time();
+  const double floor = percent(data_->noise(), scale);
+  const double before = effect.error_without * effect.error_without - floor * floor;
+  const double after = effect.error_with * effect.error_with - floor * floor;
+  effect.gain = before > 0.0 ? 1.0 - std::max(after, 0.0) / before : 0.0;
+  effect.misleads = effect.error_with > 1.05 * effect.error_without;
+  return effect;
+}
+
+std::vector<FoundEffect> PredictionEffects::of(std::span<const FittedLaw> laws) const {
+  std::vector<FoundEffect> effects;
+  const ExtendedLumpedModel& model = final_->found().fit.model;
+  for (std::size_t l = 0; l < model.laws.size(); ++l) {
+    FoundEffect effect;
+    effect.law = laws[l];
+    const JudgedModel without = final_->without(l);
+    if (without.fit.usable) {
+      const double z = final_->z_over(without);
+      effect.law.wald_statistic = z * std::abs(z);
+      effect.bic_difference = effect.law.wald_statistic;
+      effect.explained_share = 1.0 - final_->found().fit.cost / without.fit.cost;
+      effect.held_out = effect_of(without);
+    }
+    const auto accepted = std::ranges::find(
+        findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
+    if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
+    if (without.fit.usable) {
+      add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
+      add_richer_friction(l, effect);
+    }
+    unite_delays(effect);
+    effects.push_back(std::move(effect));
+  }
+  return effects;
+}
+
+// A rival that was found as a law of its own later is none; of the others each takes the place of
+// the law in the model as it is at the end.
+void PredictionEffects::add_rivals(const AcceptedLaw& accepted, std::size_t law,
+                                   FoundEffect& effect) const {
+  constexpr std::size_t kNamed = 3;
+  for (const TriedLaw& tried : accepted.rivals) {
+    if (is_found(tried.hypothesis)) continue;
+    const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
+    Rival rival = rival_of(tried);
+    if (exchanged.fit.usable) {
+      const double z = final_->z_over(exchanged);
+      rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+      rival.bic_difference = z * std::abs(z);
+      const bool stands = z < kExcluded;
+      if (stands && contains(tried.hypothesis, effect.law.hypothesis)) continue;
+      (stands ? effect.rivals : effect.excluded).push_back(std::move(rival));
+    } else {
+      effect.excluded.push_back(std::move(rival));
+    }
+  }
+  // Others were no explanation by themselves, which says nothing of them beside it.
+  for (const TriedLaw& tried : accepted.excluded) {
+    if (effect.excluded.size() == kNamed) break;
+    if (is_found(tried.hypothesis)) continue;
+    if (tried.behind > kExcluded) effect.excluded.push_back(rival_of(tried));
+  }
+}
+
+// A law that is another one for some of its parameters predicts as well, and is no rival of it.
+bool PredictionEffects::contains(std::size_t richer, std::size_t plainer) const {
+  const Hypothesis& a = hypotheses_->hypotheses()[richer];
+  const Hypothesis& b = hypotheses_->hypotheses()[plainer];
+  return a.place == b.place && std::ranges::count(a.special_cases, b.law) > 0;
+}
+
+void PredictionEffects::add_rivals_elsewhere(std::size_t found, const JudgedModel& without,
+                                             FoundEffect& effect) const {
+  for (const std::size_t other : final_->elsewhere(found)) add_if_stands(other, without, effect);
+  // What was accepted, and gave way to a law that more machines have.
+  const std::size_t accepted = final_->accepted_as(found);
+  const bool gave_way = accepted != found && !contains(accepted, found) && !is_found(accepted);
+  if (gave_way) add_if_stands(accepted, without, effect);
+}
+
+void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& without,
+                                      FoundEffect& effect) const {
+  if (is_named(other, effect)) return;
+  const JudgedModel exchanged = final_->with_law(without, other);
+  if (!exchanged.fit.usable) return;
+  const double z = final_->z_over(exchanged);
+  if (z >= kExcluded) return;
+  Rival rival;
+  rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+  rival.bic_difference = z * std::abs(z);
+  effect.rivals.push_back(std::move(rival));
+}
+
+// A plain friction takes most of what a richer one would, and leaves a rest that may pass for a
+// disturbance. Where the richer one predicts better, kept-out recordings included, it is named:
+// as a rival, or where that may be chance beside the law found.
+void PredictionEffects::add_richer_friction(std::size_t law, FoundEffect& effect) const {
+  constexpr double kWorthNaming = 1.0;  // z
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const std::size_t found = final_->found().fit.model.laws[law].hypothesis;
+  if (all[found].law != "coulomb" && all[found].law != "viscous") return;
+  for (std::size_t richer = 0; richer < all.size(); ++richer) {
+    const auto is_this = [&](const Rival& rival) { return rival.law.hypothesis == richer; };
+    if (!contains(richer, found) || is_found(richer)) continue;
+    if (std::ranges::any_of(effect.rivals, is_this)) continue;
+    const JudgedModel fitted = final_->in_place_of(law, richer);
+    if (!fitted.fit.usable) continue;
+    const double z = z_between(final_->found().fit, fitted.fit);
+    if (!(z > kWorthNaming) || raises_held_out(fitted)) continue;
+    Rival rival;
+    rival.law = fitted_law(fitted.fit.model, fitted.fit.model.laws.back(), nullptr);
+    rival.bic_difference = -z * z;
+    std::erase_if(effect.excluded, is_this);
+    (z > kExcluded ? effect.rivals : effect.generalisations).push_back(std::move(rival));
+  }
+}
+
+bool PredictionEffects::raises_held_out(const JudgedModel& other) const {
+  const auto with = final_->law_held_out(other), without = final_->law_held_out(final_->found());
+  if (!with || !without) return false;
+  const VectorXd& scale = final_->found().held_out_scale;
+  return percent(with->error, scale) > percent(without->error, scale);
+}
+
+// With one drive and one sensor a delay at either is one system, whatever lies between them and
+// whatever a filter that starts somewhere else may say.
+void PredictionEffects::unite_delays(FoundEffect& effect) const {
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const Hypothesis& found = all[effect.law.hypothesis];
+  if (found.law != "delay" || stated_->inputs.size() != 1 || stated_->outputs.size() != 1) return;
+  const auto is_twin = [&](std::size_t other) {
+    return all[other].law == "delay" && all[other].place != found.place;
+  };
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    if (!is_twin(h) || is_found(h)) continue;
+    effect.same_at.push_back(effect.law);
+    effect.same_at.back().hypothesis = h;
+  }
+  const auto names_twin = [&](const Rival& rival) { return is_twin(rival.law.hypothesis); };
+  std::erase_if(effect.rivals, names_twin);
+  std::erase_if(effect.excluded, names_twin);
+}
+
+bool PredictionEffects::is_found(std::size_t hypothesis) const {
+  return std::ranges::count(final_->found().fit.model.laws, hypothesis,
+                            &PlacedFinding::hypothesis) > 0;
+}
+
+}  // namespace graybox

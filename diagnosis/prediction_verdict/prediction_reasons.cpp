@@ -1,0 +1,374 @@
+#include "diagnosis/prediction_verdict/prediction_reasons.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "diagnosis/evidence/verdict_reasons.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
+constexpr const char* kLawsTest = "laws found";
+constexpr const char* kForceTest = "force left at";
+constexpr const char* kHeldOutTest = "error kept out";
+constexpr double kHeldOutLimit = 15.0;                     // % of the signal
+constexpr double kNoiseLimit = 1.5;                        // times the stated noise
+constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
+constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
+constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
+constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
+constexpr double kAsGivenLimit = 2.0;
+constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
+constexpr double kStructureLimit = 3.0;                  // % of the forces that act
+constexpr double kRestLimit = 15.0;                      // % of them
+
+bool is_stiffness(const std::string& unit) { return unit == "N/m" || unit == "N m/rad"; }
+
+VerdictReason test(std::string name, std::optional<double> value, double limit, bool passed,
+                   std::string next, Verdict otherwise = Verdict::kUnknown) {
+  VerdictReason reason;
+  reason.test = std::move(name);
+  reason.value = value;
+  reason.limit = limit;
+  reason.passed = passed;
+  reason.otherwise = otherwise;
+  if (!passed) reason.next = std::move(next);
+  if (reason.next.ends_with('.')) reason.next.pop_back();
+  return reason;
+}
+
+std::string trend_words(const LawTrend& trend, const std::string& unit) {
+  switch (trend.on) {
+    case LawTrend::On::kTime:
+      return fmt::format("about {:.3g} {} where recordings begin, {:.3g} where they end",
+                         trend.from, unit, trend.to);
+    case LawTrend::On::kPosition:
+      return fmt::format("between about {:.3g} and {:.3g} {} along the way",
+                         std::min(trend.from, trend.to), std::max(trend.from, trend.to), unit);
+    case LawTrend::On::kSpeed:
+      return fmt::format("about {:.3g} {} in fast motion, {:.3g} in slow motion", trend.from, unit,
+                         trend.to);
+    case LawTrend::On::kDirection:
+      return fmt::format("about {:.3g} {} one way, {:.3g} the other", trend.from, unit, trend.to);
+  }
+  return {};
+}
+
+std::string trend_advice(LawTrend::On on) {
+  switch (on) {
+    case LawTrend::On::kTime:
+      return "look for what changes while it is recorded, as a temperature, a load or wear; "
+             "record it, and fit the beginning and the end by themselves";
+    case LawTrend::On::kPosition:
+      return "look at the place where it changes, as a worn guide, a screw or a cable; record "
+             "slow motion over the whole way";
+    case LawTrend::On::kSpeed:
+      return "record slow motion and standstill beside fast motion: another law of the speed "
+             "fits better, as friction that falls with speed";
+    case LawTrend::On::kDirection:
+      return "record the same motion both ways: a constant force, or friction that differs by "
+             "direction, is missing";
+  }
+  return {};
+}
+
+std::string advice_on(const LatentStructure& structure) {
+  if (structure.on == kOfRecording) {
+    return "look for what differs between the recordings, as a load, a zero or a temperature, "
+           "and diagnose those that are alike by themselves";
+  }
+  return fmt::format("look for a law that depends on {}, and try laws of your own there (--laws)",
+                     structure.words);
+}
+
+std::string advice_on_force(double share, const Diagnosis& diagnosis) {
+  constexpr double kAll = 100.0;  // % of the forces that act
+  if (share > kAll) {
+    return "look first whether the drive's channel is the force that acts on the machine: its "
+           "unit, gain and sign, and what else pushes";
+  }
+  if (diagnosis.effects.empty()) {
+    return "look at when this force is largest: at a position, a speed, a turn of the command; "
+           "then try masses, springs and laws of your own there (--laws)";
+  }
+  return "record what may disturb the machine (temperature, supply, floor, hoses)";
+}
+
+void add_plausibility(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) {
+  const std::size_t absurd = excluding(diagnosis.implausible);
+  list.push_back(test(kAbsurdTest, static_cast<double>(absurd), 0.0, absurd == 0,
+                      absurd > 0 ? diagnosis.implausible.front().remedy : ""));
+}
+
+// This asks for what a machine must have: damping and friction may vanish.
+void add_determination(const Diagnosis& diagnosis, Verdict otherwise,
+                       std::vector<VerdictReason>& list) {
+  const auto must_be_there = [&](const Implausibility& flaw) {
+    if (flaw.rule != PlausibilityRule::kZero) return true;
+    return std::ranges::any_of(
+        diagnosis.after.model_parameters, [&](const LawParameterEstimate& parameter) {
+          return parameter.name == flaw.quantity &&
+                 (parameter.unit.starts_with("kg") || is_stiffness(parameter.unit));
+        });
+  };
+  std::size_t count = 0;
+  std::string remedy;
+  for (const Implausibility& flaw : diagnosis.implausible) {
+    if (flaw.excludes || !must_be_there(flaw)) continue;
+    ++count;
+    remedy = flaw.remedy;
+  }
+  list.push_back(test("masses and springs that are not determined", static_cast<double>(count), 0.0,
+                      count == 0, remedy, otherwise));
+}
+
+}  // namespace
+
+// The whole of each recording is foretold within half a step of each sensor, kept-out ones
+// included: rounding is no white noise (at rest it stays), and is all that is left.
+bool PredictionReasons::is_within_a_step() const {
+  const JudgedModel& found = final_->found();
+  if (found.horizon != 0 || !found.fit.usable) return false;
+  for (Index j = 0; j < data_->output_count(); ++j) {
+    const double most = 0.5 * data_->rounding_step(j);
+    if (!(found.error(j) <= most)) return false;
+    if (found.held_out_error && !((*found.held_out_error)(j) <= most)) return false;
+  }
+  return true;
+}
+
+bool PredictionReasons::is_without_structure() const {
+  return 100.0 * final_->rest().structured_share() <= kStructureLimit;
+}
+
+bool PredictionReasons::is_disturbance() const {
+  const UnmodelledForce& rest = final_->rest();
+  if (rest.multiple_of_noise() <= kNoiseMultiple || is_within_a_step()) return true;
+  return rest.multiple_of_rest() <= kNoiseMultiple &&
+         100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kSmallForce;
+}
+
+void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
+  const JudgedModel& found = final_->found();
+  if (!found.held_out_error) {
+    VerdictReason reason =
+        test(fmt::format("{}, % of the signal", kHeldOutTest), {}, kHeldOutLimit, true, "");
+    reason.not_tested = "no recordings were kept out of the fit";
+    list.push_back(std::move(reason));
+    return;
+  }
+  const auto limits = [&](Index j) {
+    const double noise = 100.0 * kNoiseLimit * data_->noise()(j) / found.held_out_scale(j);
+    return std::max(kHeldOutLimit, noise);
+  };
+  const auto percent = [&](const VectorXd& error, Index j) {
+    return 100.0 * error(j) / found.held_out_scale(j);
+  };
+  HeldOutError judged{found.horizon, *found.held_out_error};
+  for (Index j = 0; j < data_->output_count(); ++j) {
+    if (percent(judged.error, j) <= limits(j)) continue;
+    // Nobody foresees a disturbance: as far ahead as it matters little.
+    if (const auto ahead = final_->held_out_ahead(kForeseen / 100.0)) judged = *ahead;
+    break;
+  }
+  const std::string ahead =
+      judged.horizon == 0 ? "in free run"
+                          : fmt::format("{:.3g} s ahead",
+                                        static_cast<double>(judged.horizon) * data_->sample_time());
+  for (Index j = 0; j < data_->output_count(); ++j) {
+    const double error = percent(judged.error, j), limit = limits(j);
+    list.push_back(
+        test(fmt::format("{} of {} {}, % of its signal", kHeldOutTest,
+                         stated_->output_names[static_cast<std::size_t>(j)], ahead),
+             error, limit, error <= limit,
+             "put recordings like those kept out into the fit, and look at when the error is "
+             "largest"));
+  }
+}
+
+// A law that raises an error which is small all the same may be right.
+void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
+                                       std::vector<VerdictReason>& list) const {
+  if (!final_->found().held_out_error) return;
+  const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
+    return effect.held_out && effect.held_out->misleads &&
+           effect.held_out->error_with > kHeldOutLimit;
+  });
+  list.push_back(test("laws found that raise the error kept out", static_cast<double>(misleading),
+                      0.0, misleading == 0,
+                      "leave them out (--without), or put recordings like those kept out into "
+                      "the fit"));
+}
+
+// A law that holds on the average only.
+void PredictionReasons::add_trend(const Diagnosis& diagnosis,
+                                  std::vector<VerdictReason>& list) const {
+  const std::vector<LawTrend> trends = final_->trends();
+  const LawTrend* worst = nullptr;
+  for (const LawTrend& trend : trends) {
+    const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
+    const bool is_much = std::abs(trend.to - trend.from) > kTrendShare * larger;
+    if (is_much && (worst == nullptr || std::abs(trend.z) > std::abs(worst->z))) worst = &trend;
+  }
+  const std::string tested = "what was found changes with time, place or speed";
+  if (worst == nullptr) {
+    VerdictReason reason = test(tested + ", standard errors", 0.0, kTrendErrors, true, "");
+    if (trends.empty()) reason.not_tested = "the recordings are one window each";
+    list.push_back(std::move(reason));
+    return;
+  }
+  const FittedLaw& law = diagnosis.effects[worst->law].law;
+  const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
+  const LawParameterEstimate& parameter = law.parameters[worst->parameter];
+  const double z = std::abs(worst->z);
+  // A law of the speed stands in for another one, at its place.
+  const bool is_of_speed =
+      worst->on == LawTrend::On::kSpeed || worst->on == LawTrend::On::kDirection;
+  const Verdict otherwise = is_of_speed ? Verdict::kAmbiguous : Verdict::kUnknown;
+  list.push_back(
+      test(fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
+                       hypothesis.law, hypothesis.place, trend_words(*worst, parameter.unit)),
+           z, kTrendErrors, z <= kTrendErrors, trend_advice(worst->on), otherwise));
+}
+
+void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
+  const std::string name = "growth of the error from the recordings of the fit to those kept out";
+  const std::optional<FinalFit::Growth> growth = final_->growth();
+  if (!growth) {
+    VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
+    reason.not_tested = final_->found().held_out_error ? "the force left hides it at every horizon"
+                                                       : "no recordings were kept out of the fit";
+    list.push_back(std::move(reason));
+    return;
+  }
+  Index worst = 0;
+  const double most = growth->ratio.maxCoeff(&worst);
+  const bool is_chance = std::log(most) < kGrowthErrors * growth->deviation(worst);
+  const std::string& channel = stated_->output_names[static_cast<std::size_t>(worst)];
+  const JudgedModel& found = final_->found();
+  const double kept_out = (*found.held_out_error)(worst) / found.held_out_scale(worst);
+  const bool is_small = 100.0 * kept_out <= kSmallError;
+  const char* excuse = "";
+  if (most > kGrowthLimit && is_chance) excuse = "; chance explains it";
+  if (most > kGrowthLimit && is_small) excuse = "; it is small all the same";
+  list.push_back(test(
+      fmt::format("{} ({}{})", name, channel, excuse), most, kGrowthLimit,
+      most <= kGrowthLimit || is_chance || is_small,
+      "put recordings like those kept out into the fit: the laws found do not hold there as they "
+      "hold in it"));
+}
+
+void PredictionReasons::add_against_as_given(const Diagnosis& diagnosis,
+                                             std::vector<VerdictReason>& list) const {
+  if (!diagnosis.validation_before || !diagnosis.validation_after) return;
+  const double ratio = diagnosis.validation_after->nrmse / diagnosis.validation_before->nrmse;
+  // Where errors add up, a disturbance may make a poor model the better one by chance.
+  const double limit = findings_->has_free_run ? 1.0 : kAsGivenLimit;
+  list.push_back(test("error kept out over that of the model as given", ratio, limit,
+                      ratio <= limit,
+                      "the laws found do not help where they were not fitted: put recordings "
+                      "like those kept out into the fit"));
+}
+
+// Where the noise of the sensors alone accounts for the errors, nothing else is asked.
+void PredictionReasons::add_rest(const Diagnosis& diagnosis,
+                                 std::vector<VerdictReason>& list) const {
+  const UnmodelledForce& rest = final_->rest();
+  const double of_noise = rest.multiple_of_noise();
+  if (of_noise <= kNoiseMultiple || rest.force() == nullptr) {
+    list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
+                        of_noise, kNoiseMultiple, of_noise <= kNoiseMultiple,
+                        "a disturbance, or physics that none of these laws describes: look at "
+                        "which channel and when it is largest"));
+    return;
+  }
+  const double structured = 100.0 * rest.structured_share(), share = 100.0 * rest.share();
+  const LatentStructure* const structure = rest.structure();
+  list.push_back(
+      test(structure == nullptr
+               ? std::string("force left that depends on the motion, % of the forces that act")
+               : fmt::format("force left that depends on {}, % of the forces that act",
+                             structure->words),
+           structured, kStructureLimit, structured <= kStructureLimit,
+           structure == nullptr ? std::string() : advice_on(*structure)));
+  const std::string place =
+      stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
+  list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
+                      kRestLimit, share <= kRestLimit, advice_on_force(share, diagnosis)));
+  const double multiple = rest.multiple_of_rest();
+  list.push_back(
+      test("rest over what the sensors' noise and that force leave, most of all horizons", multiple,
+           kNoiseMultiple, multiple <= kNoiseMultiple,
+           "more than one disturbance, or physics that none of these laws describes: look at which "
+           "channel and when it is largest"));
+}
+
+std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
+    const Diagnosis& diagnosis, std::vector<VerdictReason> list) const {
+  add_held_out(list);
+  add_growth(list);
+  // Who can't tell masses and springs can't miss anything.
+  add_determination(diagnosis, Verdict::kUnknown, list);
+  if (std::ranges::any_of(list, has_failed)) return list;
+  list.push_back(test("something is missing", {}, 0.0, false,
+                      "nothing: the model as it is will do for motion like the recorded one",
+                      Verdict::kNone));
+  return list;
+}
+
+std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) const {
+  std::vector<VerdictReason> list;
+  if (diagnosis.interrupted) {
+    list.push_back(test("the search came to its end", {}, 0.0, false,
+                        "give it more time (--time-limit) or more threads"));
+  }
+  add_plausibility(diagnosis, list);
+  if (!diagnosis.detection.detected && diagnosis.interrupted) return list;
+  if (!diagnosis.detection.detected) return of_nothing_missing(diagnosis, std::move(list));
+  const auto laws = static_cast<double>(diagnosis.effects.size());
+  VerdictReason found = test(kLawsTest, laws, 1.0, laws >= 1.0,
+                             "check units, signs and the motion that was recorded, and try laws "
+                             "of your own (--laws)");
+  found.is_lower_limit = true;
+  list.push_back(std::move(found));
+  add_misleading(diagnosis, list);
+  add_held_out(list);
+  add_growth(list);
+  add_against_as_given(diagnosis, list);
+  add_rest(diagnosis, list);
+  // The first that fails decides, and this may say `ambiguous`.
+  if (laws > 0.0) add_trend(diagnosis, list);
+  add_determination(diagnosis, Verdict::kAmbiguous, list);
+  if (!diagnosis.validation_after) list.push_back(nothing_kept_out());
+  std::size_t rivals = 0;
+  for (const FoundEffect& effect : diagnosis.effects) rivals += effect.rivals.size();
+  list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals), 0.0,
+                      rivals == 0, "add a sensor, or record larger and faster motion",
+                      Verdict::kAmbiguous));
+  return list;
+}
+
+std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  if (diagnosis.interrupted || diagnosis.verdict != Verdict::kUnknown) return "";
+  for (const FoundEffect& effect : diagnosis.effects) {
+    if (hypotheses[effect.law.hypothesis].law == "rectifier") return "";
+  }
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (!has_failed(reason)) continue;
+    const bool is_decisive =
+        reason.test.starts_with(kAbsurdTest) || reason.test.starts_with(kLawsTest) ||
+        reason.test.starts_with(kForceTest) || reason.test.starts_with(kHeldOutTest);
+    if (is_decisive) return reason.test;
+  }
+  return "";
+}
+
+}  // namespace graybox

@@ -1,0 +1,58 @@
+// The tests that a diagnosis by prediction error passes or fails, in the order in which they decide
+// its verdict. Their limits are calibrated in docs/explanation/prediction_error.md.
+//
+//   diagnosis.reasons = PredictionReasons(model, data, hypotheses, findings, final).of(diagnosis);
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "diagnosis/evidence/diagnosis.hpp"
+#include "diagnosis/prediction_error/final_fit.hpp"
+
+namespace graybox {
+
+class PredictionReasons {
+ public:
+  // References are kept.
+  PredictionReasons(const LumpedModel& stated, const PredictionData& data,
+                    const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
+                    const FinalFit& final)
+      : stated_(&stated),
+        data_(&data),
+        hypotheses_(&hypotheses),
+        findings_(&findings),
+        final_(&final) {}
+
+  // What is left could be the sensors' noise and a disturbance.
+  [[nodiscard]] bool is_disturbance() const;
+  // The force left follows neither position nor speed by more than the limit.
+  [[nodiscard]] bool is_without_structure() const;
+  // Of a diagnosis whose effects, errors and implausibilities are known.
+  [[nodiscard]] std::vector<VerdictReason> of(const Diagnosis& diagnosis) const;
+
+ private:
+  [[nodiscard]] bool is_within_a_step() const;
+  void add_held_out(std::vector<VerdictReason>& list) const;
+  void add_trend(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  void add_growth(std::vector<VerdictReason>& list) const;
+  void add_misleading(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  void add_against_as_given(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  void add_rest(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  [[nodiscard]] std::vector<VerdictReason> of_nothing_missing(
+      const Diagnosis& diagnosis, std::vector<VerdictReason> list) const;
+
+  const LumpedModel* stated_;
+  const PredictionData* data_;
+  const PredictionHypotheses* hypotheses_;
+  const PredictionFindings* findings_;
+  const FinalFit* final_;
+};
+
+// Why another method should be asked where there is one: the test that leaves little of an answer.
+// Empty: none fails. Where a sensor reads no sign, no other method knows the motion.
+[[nodiscard]] std::string doubt_about(const Diagnosis& diagnosis,
+                                      std::span<const Hypothesis> hypotheses);
+
+}  // namespace graybox
