@@ -898,8 +898,8 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
 }
 
 // The best of its starts.
-// Where inertia is small, a drive that does not answer to small commands moves a mass as dry friction
-// there does. Every machine has that; few have such a drive.
+// Where inertia is small, a drive that does not answer to small commands moves a mass as dry
+// friction there does. Every machine has that; few have such a drive.
 bool FinalFit::take_friction_for_dead_drive(std::size_t law) {
   constexpr double kRarer = 4.0;     // z of a drive that is believed to be dead
   constexpr double kNoWorse = 1.02;  // of the error kept out

@@ -39,8 +39,8 @@ class LineReader {
 // table's first line separates them; where none occurs, runs of blanks and tabs do. Quotes around a
 // field are taken off.
 //
-// Where semicolons or tabs separate, numbers may have decimal commas: "1,25" is 1.25 and "2,5e-3" is
-// 0.0025. Not where other numbers of the table have points, for a comma then may stand between
+// Where semicolons or tabs separate, numbers may have decimal commas: "1,25" is 1.25, and "2,5e-3"
+// is 0.0025. Not where other numbers of the table have points, for a comma then may stand between
 // thousands; such a field is left as it is, and is no number.
 class FieldSplitter {
  public:
