@@ -174,9 +174,9 @@ VerdictReason rivals_reason(const Diagnosis& diagnosis) {
 }
 
 // Friction and a late channel look alike: laws that were found beside a channel of which being late
-// would take most of the error are not sure. Nothing where there is none.
+// would take a fifth of the error are not sure. Nothing where there is none.
 std::vector<VerdictReason> lateness_reasons(const Diagnosis& diagnosis) {
-  constexpr double kMost = 0.5;  // of the squared error kept out
+  constexpr double kMost = 0.8;  // of the squared error kept out
   std::vector<VerdictReason> reasons;
   for (const ChannelRest& rest : diagnosis.channels_after) {
     if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;

@@ -1,6 +1,7 @@
 #include "diagnosis/force_balance/balance_hypotheses.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -55,6 +56,15 @@ bool has_lever(const PlacedLaw& law) {
   return lever >= kShortest * distance;
 }
 
+// The period of a ripple; none for other laws.
+std::optional<double> wave_of(const PlacedLaw& law) {
+  if (law.entry->name != "ripple") return {};
+  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
+    if (law.entry->parameters[i].name == "period") return law.parameters[i];
+  }
+  return {};
+}
+
 }  // namespace
 
 BalanceHypotheses::BalanceHypotheses(const ForceBalanceData& data) : data_(data) {
@@ -90,6 +100,7 @@ std::string BalanceHypotheses::trouble_with(const PlacedLaw& law) const {
   }
   if (!slides(law)) return "a friction never slides: it is a damper here";
   if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
+  if (!is_shown(law)) return "a ripple is shorter than the samples show";
   if (!has_lever(law)) return "a balancer's lever is next to nothing: its torque is a weight's";
   if (!is_within_reach(law)) return "a payload is farther from the flange than the robot is long";
   return "";
@@ -119,11 +130,13 @@ bool BalanceHypotheses::is_within_reach(const PlacedLaw& law) const {
 
 // A wave that was not recorded as a whole is a guess.
 bool BalanceHypotheses::comes_back(const PlacedLaw& law) const {
-  for (std::size_t i = 0; i < law.parameters.size(); ++i) {
-    const bool is_wave = law.entry->name == "ripple" && law.entry->parameters[i].name == "period";
-    if (is_wave && law.parameters[i] > scale_of(law).range) return false;
-  }
-  return true;
+  const std::optional<double> wave = wave_of(law);
+  return !wave || *wave <= scale_of(law).range;
+}
+
+bool BalanceHypotheses::is_shown(const PlacedLaw& law) const {
+  const std::optional<double> wave = wave_of(law);
+  return !wave || *wave >= scale_of(law).shown_wave;
 }
 
 }  // namespace graybox

@@ -45,6 +45,7 @@ class BalanceHypotheses {
   [[nodiscard]] const MotionScale& scale_of(const PlacedLaw& law) const;
   [[nodiscard]] bool slides(const PlacedLaw& law) const;
   [[nodiscard]] bool comes_back(const PlacedLaw& law) const;
+  [[nodiscard]] bool is_shown(const PlacedLaw& law) const;
   [[nodiscard]] bool is_within_reach(const PlacedLaw& law) const;
 
   const ForceBalanceData& data_;

@@ -255,9 +255,15 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   std::sort(scale.excursions.begin(), scale.excursions.end());
   std::sort(scale.rates.begin(), scale.rates.end());
   scale.range = highest - lowest;
+  const Motion& piece = rows.pieces.front();
   if (place.location.units.deflection == "m") {
     constexpr double kSamplesAWave = 2.0;
-    scale.finest_wave = kSamplesAWave * scale.rate(0.9) * rows.pieces.front().sample_time();
+    scale.finest_wave = kSamplesAWave * scale.rate(0.9) * piece.sample_time();
+  }
+  constexpr double kSamplesShown = 4.0;
+  scale.shown_wave = kSamplesShown * scale.rate(0.5) * piece.sample_time();
+  for (const FilterPass& filter : piece.filters) {
+    scale.shown_wave = std::max(scale.shown_wave, scale.rate(0.5) / filter.frequency);
   }
   return scale;
 }

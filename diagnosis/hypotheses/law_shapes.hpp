@@ -25,6 +25,9 @@ struct MotionScale {
   double range = 0.0;               // of z
   // Shortest wave along a line that the samples show, of magnets or screws; 0: not asked.
   double finest_wave = 0.0;
+  // Shortest wave that half of the moving samples show: four samples long at least, and slow enough
+  // for what they were filtered by. Sines that are shorter resemble any rest.
+  double shown_wave = 0.0;
 
   // Quantiles; 0 without motion.
   [[nodiscard]] double deflection(double share) const;

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -776,9 +777,35 @@ bool FinalFit::take_plainer_law(std::size_t law) {
       if (is_better) plainer = std::move(other);
     }
     if (!plainer.fit.usable) continue;
-    if (z_over(plainer) >= kMissed && !predicts_further(plainer)) continue;
+    if (z_over(plainer) >= kMissed && !predicts_further(plainer)) {
+      if (take_sum_with(plainer, placed, h)) return true;
+      continue;
+    }
     accepted_as_[h] = accepted_as(placed.hypothesis);
     found_ = std::move(plainer);
+    return true;
+  }
+  return false;
+}
+
+// A spring that hardens passes for one with a clearance, which is soft in its middle, too. With the
+// plain spring alone the search would not come back to it.
+bool FinalFit::take_sum_with(const JudgedModel& plainer, const PlacedFinding& rich,
+                             std::size_t plain) {
+  constexpr std::array kOfPosition{"cubic_spring", "gravity"};
+  constexpr double kBetter = 0.8;  // of the cost
+  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    const bool may_be =
+        all[h].place == all[plain].place && std::ranges::count(kOfPosition, all[h].law) > 0 &&
+        h != rich.hypothesis &&
+        std::ranges::count(found_.fit.model.laws, h, &PlacedFinding::hypothesis) == 0;
+    if (!may_be) continue;
+    JudgedModel sum = with_law(plainer, h);
+    if (!sum.fit.usable || !(sum.fit.cost < kBetter * found_.fit.cost)) continue;
+    if (!(z_between(found_.fit, sum.fit) > kMissed)) continue;
+    accepted_as_[plain] = accepted_as_[h] = accepted_as(rich.hypothesis);
+    found_ = std::move(sum);
     return true;
   }
   return false;

@@ -160,6 +160,8 @@ class FinalFit {
   void add_short_ripples();
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;
   [[nodiscard]] bool take_plainer_law(std::size_t law);
+  // The plainer law and one more of the position, where these predict better than the richer one.
+  bool take_sum_with(const JudgedModel& plainer, const PlacedFinding& rich, std::size_t plain);
   void judge_held_out(JudgedModel& model) const;
   [[nodiscard]] ExtendedLumpedModel climbed(ExtendedLumpedModel model) const;
   [[nodiscard]] JudgedModel refitted_without(const PlacedFinding& law) const;

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
@@ -53,6 +54,39 @@ bool is_of_a_machine(const Diagnosis& diagnosis) {
            (flaw.quantity.ends_with(".mass") || flaw.quantity.ends_with(".inertia"));
   });
   return excluding(diagnosis.implausible) == 0 && !loses_the_mass;
+}
+
+double shortfall_of(const Diagnosis& diagnosis) {
+  constexpr double kOfCount = 3.0, kWithoutLaws = 1e3;
+  double most = 0.0;
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (!has_failed(reason)) continue;
+    double own = kOfCount;
+    if (reason.otherwise == Verdict::kAmbiguous) {
+      own = 1.0;
+    } else if (reason.is_lower_limit) {
+      own = kWithoutLaws;
+    } else if (reason.value && reason.limit > 0.0) {
+      own = *reason.value / reason.limit;
+    }
+    most = std::max(most, own);
+  }
+  return most;
+}
+
+std::optional<double> force_left(const Diagnosis& diagnosis) {
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (reason.test.starts_with("force left at")) return reason.value;
+  }
+  return {};
+}
+
+bool has_signal_laws_only(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  constexpr std::array<std::string_view, 4> kSignals{"delay", "lag", "mode", "resonance"};
+  return !diagnosis.effects.empty() &&
+         std::ranges::all_of(diagnosis.effects, [&](const FoundEffect& effect) {
+           return std::ranges::count(kSignals, hypotheses[effect.law.hypothesis].law) > 0;
+         });
 }
 
 std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,19 @@ void mark_first_springs(const std::filesystem::path& model, std::span<const Hypo
 // Whether a machine can be what was fitted, its mass included. Noise that was differentiated makes
 // masses of nothing.
 [[nodiscard]] bool is_of_a_machine(const Diagnosis& diagnosis);
+
+// How far a diagnosis is from an answer: the largest value over its limit of the tests that it
+// failed. A test that counts is three limits off, and an answer without laws a thousand. Tests that
+// leave the verdict at `ambiguous` count as one.
+[[nodiscard]] double shortfall_of(const Diagnosis& diagnosis);
+
+// The force that a diagnosis by prediction error leaves on recordings, % of the forces that act;
+// none where the sensors' noise accounts for all.
+[[nodiscard]] std::optional<double> force_left(const Diagnosis& diagnosis);
+// Whether all that was found is what signals do (late, lagging), or something that swings beside
+// the machine; false where nothing was.
+[[nodiscard]] bool has_signal_laws_only(const Diagnosis& diagnosis,
+                                        std::span<const Hypothesis> hypotheses);
 
 // Joints, from 0, whose unknown rotor inertia the recordings do not show. Empty unless that alone
 // keeps the answer from being sure. `graybox model` adds such inertias to robots.

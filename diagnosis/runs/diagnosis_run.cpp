@@ -283,22 +283,80 @@ DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& cam
 }
 
 // None where the balance finds nothing, or can't be set up: the drive stands still, say. Nor where
-// positions were differentiated and no machine can be what came of it.
+// positions were differentiated and no machine can be what came of it, unless the prediction error
+// is farther from an answer still.
 std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
-                                                DiagnosisRequest& request,
-                                                const Campaign& campaign) {
+                                                DiagnosisRequest& request, const Campaign& campaign,
+                                                const DiagnosisAnswer& predicted) {
+  constexpr double kFar = 10.0;  // times the limit of a test
   try {
     DiagnosisAnswer answer = answer_by_problem(request, campaign, &drive);
     const Diagnosis& diagnosis = answer.diagnosis;
+    if (!diagnosis.channel_faults.empty()) return answer;
+    if (diagnosis.effects.empty()) return {};
+    const double short_of = shortfall_of(predicted.diagnosis);
     const bool may_be = is_of_a_machine(diagnosis) || !drive.channels.velocity.empty();
-    if (!diagnosis.channel_faults.empty() || (!diagnosis.effects.empty() && may_be)) return answer;
+    if (predicted.diagnosis.verdict != Verdict::kUnknown) return answer;  // another asks more
+    const bool is_nearer = shortfall_of(diagnosis) < short_of;
+    if (may_be && (!predicted.by_prediction.doubt.empty() || is_nearer)) return answer;
+    if (is_nearer && short_of > kFar) return answer;
   } catch (const InputError&) {
   }
   return {};
 }
 
-// By the method chosen. Where the prediction error leaves doubt, and the drive is measured as a
-// whole, its force balance is asked, too, and answers if it has found something.
+// A balance that tells forces where the prediction error tells late sensors and things that swing:
+// what moves slowly is foretold nearly as well whatever pushes it. The balance answers where it is
+// near an answer, and leaves about as little of the force.
+std::optional<DiagnosisAnswer> found_for_signals(const RigidRobotModel& drive,
+                                                 DiagnosisRequest& request,
+                                                 const Campaign& campaign,
+                                                 const DiagnosisAnswer& predicted) {
+  constexpr double kAsMuch = 1.25;  // of the force that the prediction error leaves
+  const std::optional<double> left = force_left(predicted.diagnosis);
+  if (!left || !has_signal_laws_only(predicted.diagnosis, predicted.hypotheses())) return {};
+  std::optional<DiagnosisAnswer> answer = found_by_balance(drive, request, campaign, predicted);
+  if (!answer || !answer->diagnosis.channel_faults.empty()) return {};
+  const Diagnosis& found = answer->diagnosis;
+  const bool is_near = found.verdict != Verdict::kUnknown && is_of_a_machine(found) &&
+                       found.validation_after && found.validation_after->nrmse < kAsMuch * *left;
+  if (!is_near) return {};
+  return answer;
+}
+
+// Both methods come to an answer, and nobody knows which is right: the verdict of the balance is
+// then `ambiguous` at best.
+void weigh_against_prediction(const DiagnosisAnswer& predicted, Diagnosis& balanced) {
+  std::string laws;
+  for (const FoundEffect& effect : predicted.diagnosis.effects) {
+    const Hypothesis& law = predicted.hypotheses()[effect.law.hypothesis];
+    laws += fmt::format("{}{} at {}", laws.empty() ? "" : ", ", law.law, law.place);
+  }
+  VerdictReason reason;
+  reason.test = fmt::format("a diagnosis by prediction error finds something else ({})",
+                            laws.empty() ? "nothing" : laws);
+  reason.passed = false;
+  reason.otherwise = Verdict::kAmbiguous;
+  reason.next =
+      "look at its answer, too (--method prediction_error); larger and faster motion "
+      "tells forces from late signals";
+  balanced.reasons.push_back(std::move(reason));
+  balanced.verdict = verdict_of(balanced.reasons);
+}
+
+// Why the balance answers, and not the prediction error.
+std::string reason_for_balance(const DiagnosisAnswer& predicted) {
+  if (predicted.diagnosis.verdict != Verdict::kUnknown) {
+    return "a diagnosis by prediction error finds late signals alone, and leaves as much force";
+  }
+  const std::string& doubt = predicted.by_prediction.doubt;
+  const auto failure = std::ranges::find_if(predicted.diagnosis.reasons, has_failed);
+  return fmt::format("a diagnosis by prediction error is in doubt (failed: {})",
+                     doubt.empty() ? failure->test : doubt);
+}
+
+// By the method chosen. Where the prediction error comes to no answer, and the drive is measured as
+// a whole, its force balance is asked, too, and answers if it has found something.
 DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campaign& campaign) {
   if (method.is_lumped && method.name != "periodic" && !request.place_files.empty()) {
     throw InputError("--places: a lumped model in any motion is diagnosed at its own places alone");
@@ -312,12 +370,18 @@ DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campa
         method.name == "force_balance" && method.drive ? &*method.drive : nullptr);
   }
   DiagnosisAnswer predicted = answer_by_prediction(request, campaign);
-  const std::string& doubt = predicted.by_prediction.doubt;
-  if (request.method != "auto" || doubt.empty() || !method.drive) return predicted;
-  std::optional<DiagnosisAnswer> balanced = found_by_balance(*method.drive, request, campaign);
+  const Diagnosis& first = predicted.diagnosis;
+  const bool is_over = first.interrupted || !first.channel_faults.empty();
+  if (request.method != "auto" || is_over || !method.drive) return predicted;
+  const bool has_answer = first.verdict != Verdict::kUnknown;
+  std::optional<DiagnosisAnswer> balanced =
+      has_answer ? found_for_signals(*method.drive, request, campaign, predicted)
+                 : found_by_balance(*method.drive, request, campaign, predicted);
   if (!balanced) return predicted;
+  const bool may_be_right = predicted.by_prediction.doubt.empty() && !first.effects.empty();
+  if (may_be_right) weigh_against_prediction(predicted, balanced->diagnosis);
   method.name = "force_balance";
-  method.reason = fmt::format("a diagnosis by prediction error is in doubt (failed: {})", doubt);
+  method.reason = reason_for_balance(predicted);
   return *std::move(balanced);
 }
 

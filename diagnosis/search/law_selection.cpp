@@ -205,6 +205,7 @@ void add_missing_laws(SearchState& state) {
       add_laws(state);
     }
     state.highest_rank = std::numeric_limits<int>::max();
+    end_with_plain_laws(state);
   } else {
     state.compounds_are_open = true;
     add_laws(state);

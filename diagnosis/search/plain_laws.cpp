@@ -13,8 +13,11 @@
 namespace graybox {
 namespace {
 
-bool is_plain(const Hypothesis& hypothesis, int highest_rank) {
-  return hypothesis.rank <= highest_rank && !hypothesis.is_compound;
+// Of one axis alone a spring is as plain as a weight, whose tangent it is.
+bool is_plain(const Hypothesis& hypothesis, int highest_rank, bool with_springs = false) {
+  const bool is_spring = with_springs && highest_rank == kRareRank - 1 &&
+                         hypothesis.law == "stiffness" && !hypothesis.is_compound;
+  return is_spring || (hypothesis.rank <= highest_rank && !hypothesis.is_compound);
 }
 
 bool has_several_coordinates(const SearchState& state) {
@@ -42,13 +45,14 @@ ExtendedFit fit_what_is_possible(SearchState& state, std::vector<LawStart> laws,
 
 // All that the recordings let stand beside one another; friction that a missing load hid is asked
 // for once more at the end.
-ExtendedFit with_all_plain_laws(SearchState& state) {
+ExtendedFit with_all_plain_laws(SearchState& state, bool with_springs) {
   ExtendedFit fit = state.result.after;
   for (int step = kExpectedRank; step <= kRareRank; ++step) {
     if (!state.proceed("fitting all plain laws at once")) return fit;
     const int rank = std::min(step, kRareRank - 1);
-    const ScoreTable table = rank_hypotheses(
-        state, fit, 0, [rank](const Hypothesis& hypothesis) { return is_plain(hypothesis, rank); });
+    const ScoreTable table = rank_hypotheses(state, fit, 0, [&](const Hypothesis& hypothesis) {
+      return is_plain(hypothesis, rank, with_springs);
+    });
     std::vector<LawStart> laws = starts_of(fit);
     for (const HypothesisScore& score : table.scores) {
       if (laws.size() == state.effect_limit()) break;
@@ -78,8 +82,8 @@ std::optional<ExtendedFit> without_the_least(SearchState& state, const ExtendedF
 
 // Those that the recordings ask for, beside the laws of the last fit; none where they are not
 // better than that.
-std::optional<ExtendedFit> needed_plain_laws(SearchState& state) {
-  ExtendedFit fit = with_all_plain_laws(state);
+std::optional<ExtendedFit> needed_plain_laws(SearchState& state, bool with_springs = false) {
+  ExtendedFit fit = with_all_plain_laws(state, with_springs);
   while (!fit.laws.empty()) {
     if (!state.proceed("leaving out plain laws that are not missed")) return {};
     std::optional<ExtendedFit> left = without_the_least(state, fit);
@@ -136,6 +140,17 @@ void begin_with_plain_laws(SearchState& state) {
     state.settle_shapes();
   }
   if (!state.freed_without_laws) free_what_is_uncertain(state);
+}
+
+void end_with_plain_laws(SearchState& state) {
+  if (state.problem->noise_is_known() || !state.result.after.laws.empty() ||
+      has_several_coordinates(state)) {
+    return;
+  }
+  std::optional<ExtendedFit> fit = needed_plain_laws(state, true);
+  if (!fit) return;
+  state.result.after = *std::move(fit);
+  state.settle_shapes();
 }
 
 }  // namespace graybox
