@@ -133,6 +133,27 @@ std::size_t index_of(const MismatchProblem& problem, const std::string& law) {
   return problem.hypotheses().size();
 }
 
+// 100 Hz at up to 0.5 m/s: half of the samples are 4 mm apart, and show waves of 16 mm at the least.
+TEST_F(RivalMotion, ARippleThatTheSamplesDoNotShowIsNoLaw) {
+  record("run_1", 0.8, 1.0);
+  record("kept_out_1", 0.8, 1.0, 0.3);
+  const auto balance = problem();
+  const auto fitted = [&](double period) {
+    const std::vector<LawStart> laws{
+        {.hypothesis = index_of(*balance, "ripple"), .parameters = {1.0, period, 0.0}}};
+    return balance->fit(laws, nullptr);
+  };
+  EXPECT_TRUE(fitted(0.2).usable);
+  for (const double period : {0.002, 0.005, 0.008}) {
+    const ExtendedFit close = fitted(period);
+    if (close.usable) {
+      EXPECT_GT(close.laws[0].parameters[1].value, 0.01);
+    } else {
+      EXPECT_EQ(close.trouble, "a ripple is shorter than the samples show");
+    }
+  }
+}
+
 double law_force(const MismatchProblem& problem, const FittedLaw& law, double x, double v) {
   const LawEntry* entry = find_law(problem.hypotheses()[law.hypothesis].law, false);
   return entry->make(law.values())->force(x, v, {});
