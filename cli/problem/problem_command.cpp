@@ -23,7 +23,9 @@ namespace {
 
 // Every problem command ends here: the set is validated before anything is written.
 void report_written(const std::string& path, const InformationSet& set) {
-  fmt::print("wrote {}: {}\n", path, describe(set));
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const bool made = set.has_factors() && extension != ".h5" && extension != ".hdf5";
+  fmt::print("wrote {}: {}{}\n", path, describe(set), made ? ", written as matrices" : "");
 }
 
 void write(const std::string& path, const InformationSet& set) {
