@@ -11,9 +11,9 @@ namespace graybox::bench {
 
 inline constexpr std::size_t kLargeSet = 100'000;
 
-// The set of a family with Q candidates. Cost of the first call: making it. The reference stays
-// valid until another set of more than kLargeSet candidates is asked for. Throws InputError for an
-// unknown family.
+// The set of a family with Q candidates; of FAMILY_factors the same in factor form (r1g, r1l). Cost
+// of the first call: making it. The reference stays valid until another set of more than kLargeSet
+// candidates is asked for. Throws InputError for an unknown family.
 [[nodiscard]] const InformationSet& benchmark_set(const std::string& family, std::size_t count);
 
 }  // namespace graybox::bench

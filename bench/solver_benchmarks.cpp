@@ -9,7 +9,8 @@
 //   constrained/rows:M/Q 20 experiments on the robot's set under M random rows (none: the plain
 //                        problem by the same code), gap 1e-9; compare with column_generation/Q
 //   SOLVER/FAMILY/Q      the same on another family (problems/families); a curve of another
-//                        dimension than its default is named FAMILY_D (legendre_31)
+//                        dimension than its default is named FAMILY_D (legendre_31), a set in
+//                        factor form FAMILY_factors: a pass then reads factors
 //
 // Counters of a solve: asked_gap, what it was asked for; gap, what the checker found; solved, 1 if
 // that is enough; passes over the set; iterations; bytes/s of the set read; pass_times, the median
@@ -39,6 +40,7 @@
 #include "bench/study/study_sets.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
+#include "problems/kernels/factor_kernels.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_column_generation.hpp"
@@ -74,19 +76,37 @@ void stream_read(benchmark::State& state, std::size_t count) {
   set_byte_rate(state, set, 1.0);
 }
 
-void price_once(const InformationSet& set, const std::vector<double>& dual,
-                std::vector<double>& prices) {
-  graybox::kernels().price(set.data(), set.candidate_count(), set.packed_size(), dual.data(),
-                           prices.data());
-  benchmark::DoNotOptimize(prices.data());
-  benchmark::ClobberMemory();
-}
+// One pass over a set, in the form that it holds.
+class PricingPass {
+ public:
+  explicit PricingPass(const InformationSet& set)
+      : set_(set),
+        numbers_(set.packed_size(), 1.0),
+        scratch_(graybox::factor_kernels().scratch_size(set.dimension())),
+        prices_(set.candidate_count()) {}
+
+  void run() {
+    if (set_.has_factors()) {
+      graybox::factor_kernels().price(set_.factors(), set_.candidate_count(), set_.rank(),
+                                      set_.dimension(), numbers_.data(), scratch_.data(),
+                                      prices_.data());
+    } else {
+      graybox::kernels().price(set_.data(), set_.candidate_count(), set_.packed_size(),
+                               numbers_.data(), prices_.data());
+    }
+    benchmark::DoNotOptimize(prices_.data());
+    benchmark::ClobberMemory();
+  }
+
+ private:
+  const InformationSet& set_;
+  std::vector<double> numbers_, scratch_, prices_;
+};
 
 void pricing_pass(benchmark::State& state, const std::string& family, std::size_t count) {
   const InformationSet& set = benchmark_set(family, count);
-  const std::vector<double> dual(set.packed_size(), 1.0);
-  std::vector<double> prices(set.candidate_count());
-  for (auto _ : state) price_once(set, dual, prices);
+  PricingPass pass(set);
+  for (auto _ : state) pass.run();
   set_byte_rate(state, set, 1.0);
 }
 
@@ -106,22 +126,23 @@ double median(std::vector<double> values) {
 class PassTimes {
  public:
   explicit PassTimes(const InformationSet& set)
-      : set_(set), dual_(set.packed_size(), 1.0), prices_(set.candidate_count()) {}
+      : numbers_(set.bytes() / sizeof(double)), pass_(set) {}
 
   void add_solve(double seconds) { solves_.push_back(seconds); }
   void add_pass() {
     // Small sets are read a few times over, so that the clock's own time does not matter.
-    const std::size_t times = 1 + kValues / (set_.candidate_count() * set_.packed_size());
+    const std::size_t times = 1 + kValues / numbers_;
     const double before = processor_seconds();
-    for (std::size_t k = 0; k < times; ++k) price_once(set_, dual_, prices_);
+    for (std::size_t k = 0; k < times; ++k) pass_.run();
     passes_.push_back((processor_seconds() - before) / static_cast<double>(times));
   }
   [[nodiscard]] double ratio() const { return median(solves_) / median(passes_); }
 
  private:
   static constexpr std::size_t kValues = 1'000'000;
-  const InformationSet& set_;
-  std::vector<double> dual_, prices_, solves_, passes_;
+  std::size_t numbers_;
+  PricingPass pass_;
+  std::vector<double> solves_, passes_;
 };
 
 void hessian_assembly(benchmark::State& state, std::size_t count) {
@@ -273,7 +294,7 @@ void register_hundred_thousand(const Solver& column_generation) {
 void register_million(const Solver& column_generation) {
   register_passes(kMillion);
   register_solve(column_generation, "robot", kMillion);
-  for (const char* family : {"rob", "wis", "flat", "smo", "smr6", "r1g"}) {
+  for (const char* family : {"rob", "wis", "flat", "smo", "smr6", "r1g", "r1g_factors"}) {
     register_pair(column_generation, family, kMillion);
   }
 }

@@ -48,6 +48,13 @@ class CheckedSolver final : public Solver {
     const CriterionKind asked = options.criterion.kind();
     const std::vector<CriterionKind> known = solver_->traits().criteria;
     if (std::ranges::find(known, asked) != known.end()) {
+      // Others ask for matrices: they are made, or refused, before threads start.
+      const bool takes_factors =
+          solver_->traits().takes_factors && options.criterion.is_solved_as_d();
+      if (!takes_factors && !set.has_matrices()) {
+        const TimeLimit limit(options.time_limit);
+        static_cast<void>(set.data());
+      }
       Solution solution = solver_->solve(set, options, observer);
       withdraw_unknowable_claim(set.dimension(), options.duality_gap, solution);
       return solution;

@@ -12,6 +12,11 @@ void add_set_options(CLI::App& command, SetArguments& arguments) {
   add_psd_tolerance(command, arguments.psd_tolerance);
 }
 
+void add_factors_option(CLI::App& command, SetArguments& arguments) {
+  command.add_flag("--factors", arguments.factors,
+                   "a .npy or .csv file holds factors F, H = F'F: [Q x d] or [Q x k x d]");
+}
+
 void add_psd_tolerance(CLI::App& command, double& tolerance) {
   command
       .add_option("--psd-tolerance", tolerance,
@@ -20,10 +25,14 @@ void add_psd_tolerance(CLI::App& command, double& tolerance) {
       ->capture_default_str();
 }
 
-ProjectedSet read_set(const SetArguments& arguments, SingularSum singular_sum) {
-  return project_semidefinite(
-      read_information_set(arguments.path, {.variable = arguments.variable}),
+ProjectedSet read_set(const SetArguments& arguments, SingularSum singular_sum,
+                      FactorForm factor_form) {
+  ProjectedSet read = project_semidefinite(
+      read_information_set(arguments.path,
+                           {.variable = arguments.variable, .factors = arguments.factors}),
       arguments.psd_tolerance, singular_sum);
+  if (factor_form == FactorForm::kMadeMatrices) static_cast<void>(read.set.data());
+  return read;
 }
 
 std::string change_note(const SemidefiniteChange& changed) {

@@ -22,6 +22,7 @@
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/floor_text.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
@@ -192,8 +193,8 @@ int check(const CheckArguments& arguments, const Invocation& invocation) {
   const bool has_prior =
       arguments.request.has_prior() ||
       (request.has_value() && !(request->request.prior.empty() && request->request.done.empty()));
-  const ProjectedSet read =
-      read_set(arguments.set, has_prior ? SingularSum::kAllowed : SingularSum::kRefused);
+  const ProjectedSet read = read_set(
+      arguments.set, has_prior ? SingularSum::kAllowed : SingularSum::kRefused, FactorForm::kKept);
   const InformationSet& set = read.set;
   shown.read_robot(set);
   const DesignFile file = read_design(arguments.design, set, WeightCheck::kForChecker);
@@ -275,6 +276,7 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("check", "Certify a design, whoever made it");
   auto arguments = std::make_shared<CheckArguments>();
   add_set_options(*command, arguments->set);
+  add_factors_option(*command, arguments->set);
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   add_criterion_options(*command, arguments->criterion);
   add_request_options(*command, arguments->request);

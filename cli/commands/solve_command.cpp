@@ -220,9 +220,11 @@ int solve(const SolveArguments& arguments, Invocation& invocation) {
   const ProjectedSet read = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
     return read_set(arguments.set,
-                    arguments.request.has_prior() ? SingularSum::kAllowed : SingularSum::kRefused);
+                    arguments.request.has_prior() ? SingularSum::kAllowed : SingularSum::kRefused,
+                    FactorForm::kKept);
   }();
   const InformationSet& set = read.set;
+  if (request.any() || !arguments.criterion.floor.empty()) static_cast<void>(set.data());
   for (const std::string& file : {arguments.output, arguments.trace}) {
     if (!file.empty()) require_writable(file);
   }
@@ -270,6 +272,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   auto arguments = std::make_shared<SolveArguments>();
   SolveOptions& options = arguments->options;
   add_set_options(*command, arguments->set);
+  add_factors_option(*command, arguments->set);
   command->add_option("--solver", arguments->solver,
                       "back-end (column_generation), see 'graybox solvers'");
   command->add_option("--start", arguments->start,
@@ -288,10 +291,8 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The checker decides: status solved (exit code 0) means that it proved the gap to be at "
-      "most\n"
-      "the gap asked, rounding included. Ctrl-C stops the solver and keeps its best design (exit "
-      "code 1).\n"
+      "Exit code 0: the checker proved the gap asked, rounding included. Ctrl-C keeps the best "
+      "design (1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json --report design.html\n"
       "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"

@@ -79,9 +79,11 @@ const char* name_of_value(CriterionKind kind) {
 }
 
 std::string describe(const InformationSet& set) {
-  return fmt::format("{}, {}, {}", counted(set.candidate_count(), "candidate"),
+  const std::string form =
+      set.has_factors() ? fmt::format(" as factors of rank {}", set.rank()) : std::string();
+  return fmt::format("{}, {}, {}{}", counted(set.candidate_count(), "candidate"),
                      counted(set.dimension(), "parameter"),
-                     bytes_text(static_cast<double>(set.bytes())));
+                     bytes_text(static_cast<double>(set.bytes())), form);
 }
 
 std::string describe(const SolveReport& report) {

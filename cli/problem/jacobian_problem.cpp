@@ -1,5 +1,6 @@
 #include "cli/problem/jacobian_problem.hpp"
 
+#include <filesystem>
 #include <memory>
 #include <utility>
 
@@ -16,10 +17,13 @@ struct JacobianArguments {
   std::string noise;
   std::string nominal;
   std::string coordinates;
+  bool factors = false;
   std::string output;
 };
 
 InformationSet make_set(const JacobianArguments& arguments) {
+  require_place_for_factors(arguments.factors, arguments.output);
+  const SetForm form = arguments.factors ? SetForm::kFactors : SetForm::kMatrices;
   const bool linear = arguments.model == "linear";
   if (linear && !arguments.nominal.empty()) {
     throw InputError("--at is for --model logistic and poisson; Jacobians are taken as they are");
@@ -38,15 +42,23 @@ InformationSet make_set(const JacobianArguments& arguments) {
   if (linear) {
     const JacobianNoise noise =
         read_noise(arguments.noise.empty() ? "1" : arguments.noise, jacobians.outputs);
-    return information_set_from_jacobians(std::move(jacobians), noise);
+    return information_set_from_jacobians(std::move(jacobians), noise, form);
   }
   const std::vector<double> nominal = read_nominal(arguments.nominal, jacobians);
   const auto model = arguments.model == "logistic" ? GeneralisedLinearModel::kLogistic
                                                    : GeneralisedLinearModel::kPoisson;
-  return generalised_linear_set(std::move(jacobians), model, nominal);
+  return generalised_linear_set(std::move(jacobians), model, nominal, form);
 }
 
 }  // namespace
+
+void require_place_for_factors(bool factors, const std::string& output) {
+  const std::string extension = std::filesystem::path(output).extension().string();
+  if (!factors || extension == ".h5" || extension == ".hdf5") return;
+  throw InputError(output +
+                   ": --factors writes .h5, which says that it holds factors; name such a "
+                   "file or leave it out");
+}
 
 void add_jacobian_problem(
     CLI::App& problem,
@@ -74,6 +86,8 @@ void add_jacobian_problem(
                       "logistic, poisson: nominal parameters, name=value,..., or a file");
   command->add_option("--candidates", arguments->coordinates,
                       "CSV: coordinates, one row a candidate");
+  command->add_flag("--factors", arguments->factors,
+                    "write the factors F of H = F'F, r d numbers a candidate, to .h5");
   command->add_option("-o,--output", arguments->output, "file to write: .h5, .npy, .csv or .mat")
       ->required();
   command->footer(

@@ -9,6 +9,9 @@
 
 namespace graybox::cli {
 
+// Throws InputError where factors are to be written to a file that can't say so: other than .h5.
+void require_place_for_factors(bool factors, const std::string& output);
+
 // `write` validates a set and writes it to a path.
 void add_jacobian_problem(
     CLI::App& problem,

@@ -23,7 +23,9 @@ namespace {
 
 // Every problem command ends here: the set is validated before anything is written.
 void report_written(const std::string& path, const InformationSet& set) {
-  fmt::print("wrote {}: {}\n", path, describe(set));
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const bool made = set.has_factors() && extension != ".h5" && extension != ".hdf5";
+  fmt::print("wrote {}: {}{}\n", path, describe(set), made ? ", written as matrices" : "");
 }
 
 void write(const std::string& path, const InformationSet& set) {
@@ -106,6 +108,7 @@ void add_random(CLI::App& problem) {
     std::size_t candidates = 0;
     std::size_t dimension = 0;
     std::uint64_t seed = 1;
+    bool factors = false;
     std::string output;
   };
   auto arguments = std::make_shared<Arguments>();
@@ -117,14 +120,18 @@ void add_random(CLI::App& problem) {
   command->add_option("--dimension", arguments->dimension, "d (default: the family's own, 12)")
       ->check(CLI::PositiveNumber);
   command->add_option("--seed", arguments->seed, "of the random numbers")->capture_default_str();
+  command->add_flag("--factors", arguments->factors, "r1g, r1l: write vectors f, H = f f', to .h5");
   add_output(*command, arguments->output);
   command->footer(
       family_list() +
       "Example:\n  graybox problem random --family wis --candidates 7920 --dimension 12 "
       "--seed 1 -o set.h5");
   command->callback([arguments] {
-    write(arguments->output, make_family(arguments->family, arguments->candidates,
-                                         arguments->dimension, arguments->seed));
+    require_place_for_factors(arguments->factors, arguments->output);
+    write(
+        arguments->output,
+        make_family(arguments->family, arguments->candidates, arguments->dimension, arguments->seed,
+                    arguments->factors ? SetForm::kFactors : SetForm::kMatrices));
   });
 }
 
@@ -210,12 +217,13 @@ void add_subset(CLI::App& problem) {
   auto* command =
       problem.add_subcommand("subset", "Random subset of a set; equal seeds give nested subsets");
   add_set_options(*command, arguments->set);
+  add_factors_option(*command, arguments->set);
   command->add_option("--candidates", arguments->candidates, "how many to keep")->required();
   command->add_option("--seed", arguments->seed, "of the permutation")->capture_default_str();
   add_output(*command, arguments->output);
   command->footer("Example:\n  graybox problem subset set.h5 --candidates 500 --seed 1 -o sub.h5");
   command->callback([arguments] {
-    const ProjectedSet read = read_set(arguments->set);
+    const ProjectedSet read = read_set(arguments->set, SingularSum::kRefused, FactorForm::kKept);
     fmt::print("{}", change_note(read.changed));
     const InformationSet& set = read.set;
     const auto kept = nested_subset(set.candidate_count(), arguments->candidates, arguments->seed);
@@ -231,14 +239,18 @@ void add_convert(CLI::App& problem) {
   auto arguments = std::make_shared<Arguments>();
   auto* command = problem.add_subcommand("convert", "Rewrite a set in another format");
   add_set_options(*command, arguments->set);
+  add_factors_option(*command, arguments->set);
   add_output(*command, arguments->output);
   command->footer(
-      "To .cbf it writes the design problem itself, as conic solvers read it.\n"
+      "To .cbf it writes the design problem itself, as conic solvers read it. Factors stay "
+      "factors\n"
+      "in .h5, and become matrices in the other formats.\n"
       "Examples:\n"
       "  graybox problem convert covdata.mat -o covdata.h5\n"
+      "  graybox problem convert vectors.npy --factors -o set.h5\n"
       "  graybox problem convert set.h5 -o problem.cbf");
   command->callback([arguments] {
-    const ProjectedSet read = read_set(arguments->set);
+    const ProjectedSet read = read_set(arguments->set, SingularSum::kRefused, FactorForm::kKept);
     fmt::print("{}", change_note(read.changed));
     if (std::filesystem::path(arguments->output).extension() == ".cbf") {
       write_cbf(arguments->output, read.set);

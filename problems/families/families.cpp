@@ -131,7 +131,7 @@ const std::vector<Family>& families() {
 }
 
 InformationSet make_family(std::string_view name, std::size_t candidates, std::size_t dimension,
-                           std::uint64_t seed) {
+                           std::uint64_t seed, SetForm form) {
   const Entry& entry = find(name);
   const Family& family = entry.family;
   const std::size_t q = candidates == 0 ? family.default_candidates : candidates;
@@ -141,6 +141,13 @@ InformationSet make_family(std::string_view name, std::size_t candidates, std::s
         fmt::format("family {} has {} candidates and {} parameters, no others; take a "
                     "subset of it",
                     name, family.default_candidates, family.default_dimension));
+  }
+  if (form == SetForm::kFactors) {
+    if (name != "r1g" && name != "r1l") {
+      throw InputError(fmt::format("family {} has no factors; --factors is for r1g and r1l", name));
+    }
+    const auto scale = name == "r1g" ? ScaleDistribution::kNone : ScaleDistribution::kLogNormal;
+    return rank_one_family(q, d, scale, seed, form).renamed(std::string(name));
   }
   InformationSet made = entry.make(q, d, seed);
   return std::move(made).renamed(std::string(name));

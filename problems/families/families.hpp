@@ -53,8 +53,10 @@ struct Family {
 
 // Zero for candidates or dimension asks for the default. Throws InputError for an unknown name
 // (listing all), and for sizes the family can't have (monomials and exponentials of many parameters
-// are singular in double precision; the message names the basis to take).
+// are singular in double precision; the message names the basis to take). Factors are those of r1g
+// and r1l; for other families it throws, too.
 [[nodiscard]] InformationSet make_family(std::string_view name, std::size_t candidates = 0,
-                                         std::size_t dimension = 0, std::uint64_t seed = 1);
+                                         std::size_t dimension = 0, std::uint64_t seed = 1,
+                                         SetForm form = SetForm::kMatrices);
 
 }  // namespace graybox

@@ -53,20 +53,19 @@ void assemble(const std::vector<double>& factor, const std::vector<double>& s, s
   }
 }
 
-// Runs draw(random, packed) for every candidate, each with its own stream. `make_draw` gives each
-// thread a draw with its own workspace.
+// Runs draw(random, numbers) for every candidate, each with its own stream and `each` numbers.
+// `make_draw` gives each thread a draw with its own workspace.
 template <typename MakeDraw>
-AlignedArray draw_candidates(std::size_t candidates, std::size_t dimension, std::uint64_t seed,
+AlignedArray draw_candidates(std::size_t candidates, std::size_t each, std::uint64_t seed,
                              MakeDraw make_draw) {
-  const std::size_t p = packed_size(dimension);
-  AlignedArray information(candidates * p);
+  AlignedArray information(candidates * each);
 #pragma omp parallel
   {
     auto draw = make_draw();
 #pragma omp for schedule(static)
     for (std::size_t i = 0; i < candidates; ++i) {
       Random random = candidate_stream(seed, i);
-      draw(random, information.data() + i * p);
+      draw(random, information.data() + i * each);
     }
   }
   return information;
@@ -89,11 +88,22 @@ InformationSet wishart_family(std::size_t candidates, std::size_t dimension, std
       assemble(factor, s, degrees, packed);
     };
   };
-  return InformationSet(dimension, draw_candidates(candidates, dimension, seed, make_draw));
+  return InformationSet(dimension,
+                        draw_candidates(candidates, packed_size(dimension), seed, make_draw));
 }
 
 InformationSet rank_one_family(std::size_t candidates, std::size_t dimension,
-                               ScaleDistribution scale, std::uint64_t seed) {
+                               ScaleDistribution scale, std::uint64_t seed, SetForm form) {
+  if (form == SetForm::kFactors) {
+    const auto make_factor = [=] {
+      return [=, x = std::vector<double>(dimension)](Random& random, double* factor) mutable {
+        draw_scale(random, scale, x);
+        for (std::size_t j = 0; j < dimension; ++j) factor[j] = x[j] * random.normal();
+      };
+    };
+    return InformationSet::of_factors(dimension, 1,
+                                      draw_candidates(candidates, dimension, seed, make_factor));
+  }
   const auto make_draw = [=] {
     return [=, x = std::vector<double>(dimension)](Random& random, double* packed) mutable {
       draw_scale(random, scale, x);
@@ -103,7 +113,8 @@ InformationSet rank_one_family(std::size_t candidates, std::size_t dimension,
       }
     };
   };
-  return InformationSet(dimension, draw_candidates(candidates, dimension, seed, make_draw));
+  return InformationSet(dimension,
+                        draw_candidates(candidates, packed_size(dimension), seed, make_draw));
 }
 
 InformationSet duplicated_family(std::size_t candidates, std::size_t copies, std::size_t dimension,

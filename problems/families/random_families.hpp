@@ -25,7 +25,8 @@ enum class ScaleDistribution {
 
 // H = x x', x = S z, z standard normal in R^d, S as above.
 [[nodiscard]] InformationSet rank_one_family(std::size_t candidates, std::size_t dimension,
-                                             ScaleDistribution scale, std::uint64_t seed);
+                                             ScaleDistribution scale, std::uint64_t seed,
+                                             SetForm form = SetForm::kMatrices);
 
 // Candidate i is candidate i mod (Q / copies) of log-normal Wishart matrices: every matrix stands
 // there `copies` times, bit for bit. Throws InputError unless copies divides Q.

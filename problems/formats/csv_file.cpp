@@ -19,7 +19,9 @@
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/input_file.hpp"
 #include "problems/files/text_lines.hpp"
+#include "problems/formats/number_table.hpp"
 #include "problems/formats/symmetric_packer.hpp"
+#include "problems/information/factor_form.hpp"
 
 namespace graybox {
 namespace {
@@ -184,6 +186,15 @@ InformationSet read_csv(const std::string& path) {
                information.data() + row * extent.columns);
   }
   return InformationSet(dimension, std::move(information), {}, {}, path);
+}
+
+InformationSet read_csv_factors(const std::string& path) {
+  NumberTable table = read_number_table(path);
+  AlignedArray factors(table.values.size());
+  std::ranges::copy(table.values, factors.begin());
+  require_finite_factors(path, factors.span(), 1, table.columns);
+  return InformationSet::of_factors(table.columns, 1, std::move(factors), {},
+                                    std::move(table.names), path);
 }
 
 void write_csv(const std::string& path, const InformationSet& set) {

@@ -18,6 +18,9 @@ namespace graybox {
 // Throws InputError naming line and column. Two passes over the file, none over a copy in memory.
 [[nodiscard]] InformationSet read_csv(const std::string& path);
 
+// The same of factors of rank one: one vector f a line, H = f f^T. A header names the parameters.
+[[nodiscard]] InformationSet read_csv_factors(const std::string& path);
+
 // Writes a header and the shortest decimals that read back exactly. Coordinates and names of
 // parameters are not kept.
 void write_csv(const std::string& path, const InformationSet& set);

@@ -52,11 +52,38 @@ void read_packed(const hdf5::Dataset& information, Part part, StoredSet& set) {
   set.information = hdf5::stored_rows(information, set.first, last - set.first);
 }
 
+// Rows of F_i, [Q x d] or [Q x k x d].
+void read_factors(const std::string& path, hid_t file, Part part, StoredSet& set) {
+  const hdf5::Dataset factors(path, file, "factors");
+  set.source = factors.source;
+  factors.require_floats();
+  const auto& shape = factors.shape;
+  if ((shape.size() != 2 && shape.size() != 3) || std::ranges::count(shape, hsize_t{0}) > 0) {
+    throw InputError(fmt::format("{}: shape {}: expected factors [Q x d] or [Q x k x d]",
+                                 factors.source, hdf5::shape_text(shape)));
+  }
+  if (exists(file, "information")) {
+    throw InputError(
+        fmt::format("{}: there is a dataset information, too; keep one of them", factors.source));
+  }
+  if (part.parts > 1) {
+    throw InputError(fmt::format(
+        "{}: slices are read from packed lower triangles; write the set as matrices: 'graybox "
+        "problem convert {} -o set.npy', then to .h5",
+        factors.source, path));
+  }
+  set.dimension = shape.back();
+  set.rank = shape.size() == 3 ? shape[1] : 1;
+  set.total = shape[0];
+  set.information = hdf5::stored_rows(factors, 0, set.total);
+}
+
 void read_information(const std::string& path, hid_t file, Part part, StoredSet& set) {
+  if (exists(file, "factors")) return read_factors(path, file, part, set);
   if (!exists(file, "information")) {
     throw InputError(
         fmt::format("{}: dataset information is missing; expected float64 [Q x p] of "
-                    "packed lower triangles",
+                    "packed lower triangles, or factors",
                     path));
   }
   const hdf5::Dataset information(path, file, "information");
@@ -174,8 +201,14 @@ void send_hdf5(const std::vector<std::string>& arguments, MessageWriter& answer)
 void write_contents(const hdf5::Writer& writer, hid_t file, const InformationSet& set) {
   writer.attribute(file, "format", std::string(kFormat));
   writer.attribute(file, "sha256", set.content_hash());
-  const hdf5::Handle information =
-      writer.dataset(file, "information", {set.candidate_count(), set.packed_size()}, set.data());
+  if (set.has_factors()) {
+    std::vector<hsize_t> shape{set.candidate_count(), set.rank(), set.dimension()};
+    if (set.rank() == 1) shape.erase(shape.begin() + 1);
+    const hdf5::Handle factors = writer.dataset(file, "factors", shape, set.factors());
+  } else {
+    const hdf5::Handle information =
+        writer.dataset(file, "information", {set.candidate_count(), set.packed_size()}, set.data());
+  }
   const CandidateTable& table = set.candidates();
   if (!table.names.empty()) {
     const hdf5::Handle candidates = writer.dataset(

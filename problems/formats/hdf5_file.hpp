@@ -3,6 +3,8 @@
 //   /                 attributes  format = "graybox-information-set/1"
 //                                 sha256 = InformationSet::content_hash(), hexadecimal
 //   /information      float64 [Q x p]: packed lower triangles, the bytes of the array in memory
+//   /factors          in place of /information: float64 [Q x d] or [Q x k x d], rows of F_i with
+//                     H_i = F_i^T F_i (information_set.hpp); the hash is that of the matrices
 //   /candidates       float64 [Q x n], attributes `names` and `units` (n strings each); absent if
 //                     the candidates have no coordinates
 //   /parameters       d strings; absent if the parameters have no names
@@ -28,8 +30,8 @@ extern const ReadingTask kReadHdf5;
 
 // One of `parts` contiguous slices of a set that no single process needs to hold: candidates
 // total * part / parts up to total * (part + 1) / parts, without coordinates. The stored hash
-// covers the whole and is passed on unchecked. Only the packed [Q x p] form. Throws InputError as
-// above, and for more parts than candidates.
+// covers the whole and is passed on unchecked. Only the packed [Q x p] form, no factors. Throws
+// InputError as above, and for more parts than candidates.
 struct InformationSlice {
   InformationSet set;
   std::size_t first;

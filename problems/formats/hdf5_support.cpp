@@ -159,7 +159,8 @@ void Dataset::require_stored() const {
 
 StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count) {
   table.require_stored();
-  const hsize_t width = table.shape[1];
+  const hsize_t width =
+      std::accumulate(table.shape.begin() + 1, table.shape.end(), hsize_t{1}, std::multiplies<>());
   StoredNumbers rows;
   rows.count = count * width;
   const haddr_t address = H5Dget_offset(table.dataset);
@@ -170,9 +171,11 @@ StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t c
   }
   rows.values = AlignedArray(rows.count);
   if (rows.count == 0) return rows;
-  const std::array<hsize_t, 2> start{first, 0};
-  const std::array<hsize_t, 2> size{count, width};
-  const Handle memory(H5Screate_simple(2, size.data(), nullptr), H5Sclose);
+  std::vector<hsize_t> start(table.shape.size(), 0), size = table.shape;
+  start[0] = first;
+  size[0] = count;
+  const Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr),
+                      H5Sclose);
   H5Sselect_hyperslab(table.space, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr);
   if (H5Dread(table.dataset, H5T_NATIVE_DOUBLE, memory, table.space, H5P_DEFAULT,
               rows.values.data()) < 0) {

@@ -99,13 +99,19 @@ InformationSet read_file(const std::string& path, const ReadOptions& options, Fo
   if (!options.variable.empty() && format != Format::kMat) {
     throw InputError(fmt::format("{}: a variable can be chosen in .mat files only", path));
   }
+  if (options.factors && format != Format::kNpy && format != Format::kCsv) {
+    throw InputError(fmt::format("{}: --factors is for .npy and .csv files; {}", path,
+                                 format == Format::kHdf5
+                                     ? "an HDF5 file says itself what it holds: leave it out"
+                                     : "other files hold matrices: leave it out"));
+  }
   switch (format) {
     case Format::kHdf5:
       return read_hdf5(path);
     case Format::kNpy:
-      return read_npy(path);
+      return options.factors ? read_npy_factors(path) : read_npy(path);
     case Format::kCsv:
-      return read_csv(path);
+      return options.factors ? read_csv_factors(path) : read_csv(path);
     case Format::kMat:
       return read_mat(path, options.variable);
     case Format::kUnknown:

@@ -6,6 +6,10 @@
 //   .csv, .txt   one packed matrix a line (csv_file.hpp)
 //   .mat         MATLAB cell array of square matrices (mat_file.hpp)
 //
+// Factors F_i with H_i = F_i^T F_i (information_set.hpp) are read from HDF5 files that have them,
+// and from .npy and .csv files where the caller says that these hold them: [Q x d], [Q x k x d].
+// Only HDF5 files are written with factors; the others have no place to say so.
+//
 //   const graybox::InformationSet set = graybox::read_information_set("covdata.mat");
 //   graybox::write_information_set("covdata.h5", set);
 //
@@ -20,6 +24,7 @@ namespace graybox {
 
 struct ReadOptions {
   std::string variable;  // which variable of a .mat file; empty: the only one that fits
+  bool factors = false;  // a .npy or .csv file holds factors
 };
 
 // A pipe or `<(command)` is read, too: CSV, or a format that its first bytes tell.

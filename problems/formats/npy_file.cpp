@@ -15,6 +15,7 @@
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/input_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
+#include "problems/information/factor_form.hpp"
 
 namespace graybox {
 namespace {
@@ -182,6 +183,30 @@ AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_
   return packer.take();
 }
 
+// Factors of `rank` rows: [Q x d] or [Q x k x d], row-major in the result.
+AlignedArray read_factor_values(const InputFile& file, const Layout& layout, std::size_t rank) {
+  const std::size_t count = layout.shape.front(), d = layout.shape.back(), width = rank * d;
+  NumberReader reader(file, layout);
+  AlignedArray factors(count * width);
+  if (!layout.fortran_order && layout.item_bytes == 8) {
+    reader.read(0, factors.size(), factors.data());
+    return factors;
+  }
+  const std::size_t block = std::max<std::size_t>(1, kBufferNumbers / width);
+  std::vector<double> column, rows(block * width);
+  for (std::size_t first = 0; first < count; first += block) {
+    const std::size_t here = std::min(block, count - first);
+    double* out = factors.data() + first * width;
+    read_rows(reader, layout, first, here, width, column, layout.fortran_order ? rows.data() : out);
+    // In Fortran order the rows of a factor follow each other fastest.
+    for (std::size_t k = 0; layout.fortran_order && k < here * width; ++k) {
+      const std::size_t entry = k % width;
+      out[k - entry + entry % rank * d + entry / rank] = rows[k];
+    }
+  }
+  return factors;
+}
+
 }  // namespace
 
 std::string wrong_dtype(const std::string& source, std::string_view dtype) {
@@ -192,8 +217,10 @@ std::string wrong_dtype(const std::string& source, std::string_view dtype) {
 
 std::size_t dimension_of_shape(const std::string& source, const std::vector<std::size_t>& shape) {
   const auto fail = [&](std::string_view problem) {
-    throw InputError(fmt::format("{}: shape ({}): {}; expected [Q x d x d] or packed [Q x p]",
-                                 source, fmt::join(shape, ", "), problem));
+    throw InputError(fmt::format(
+        "{}: shape ({}): {}; expected [Q x d x d] or packed [Q x p], or --factors where the array "
+        "holds factors",
+        source, fmt::join(shape, ", "), problem));
   };
   if (shape.size() != 2 && shape.size() != 3) fail("wrong number of axes");
   if (std::ranges::count(shape, std::size_t{0}) > 0) fail("there are no candidates");
@@ -228,6 +255,21 @@ InformationSet read_npy(const std::string& path) {
   return InformationSet(dimension, std::move(information), {}, {}, path);
 }
 
+InformationSet read_npy_factors(const std::string& path) {
+  const InputFile file(path);
+  const Layout layout = read_layout(file);
+  const std::vector<std::size_t>& shape = layout.shape;
+  if ((shape.size() != 2 && shape.size() != 3) || std::ranges::count(shape, std::size_t{0}) > 0) {
+    throw InputError(fmt::format("{}: shape ({}): expected factors [Q x d] or [Q x k x d]", path,
+                                 fmt::join(shape, ", ")));
+  }
+  require_size(file, layout);
+  const std::size_t rank = shape.size() == 3 ? shape[1] : 1;
+  AlignedArray factors = read_factor_values(file, layout, rank);
+  require_finite_factors(path, factors.span(), rank, shape.back());
+  return InformationSet::of_factors(shape.back(), rank, std::move(factors), {}, {}, path);
+}
+
 void write_npy(const std::string& path, const InformationSet& set) {
   std::string header =
       fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}",
@@ -241,8 +283,9 @@ void write_npy(const std::string& path, const InformationSet& set) {
     std::ofstream stream(target.temporary(), std::ios::binary);
     stream << kMagic << '\x01' << '\0' << static_cast<char>(header.size() & 0xFF)
            << static_cast<char>(header.size() >> 8) << header;
-    stream.write(reinterpret_cast<const char*>(set.data()),
-                 static_cast<std::streamsize>(set.bytes()));
+    stream.write(
+        reinterpret_cast<const char*>(set.data()),
+        static_cast<std::streamsize>(set.candidate_count() * set.packed_size() * sizeof(double)));
     stream.close();
     if (!stream) throw InputError(fmt::format("{}: can't be written: disk full?", path));
   }

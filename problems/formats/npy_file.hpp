@@ -35,6 +35,9 @@ struct NpyArray {
 // Throws InputError for a file that is no such array.
 [[nodiscard]] InformationSet read_npy(const std::string& path);
 
+// The same of factors: [Q x d] of rank one, or [Q x k x d] (information_set.hpp).
+[[nodiscard]] InformationSet read_npy_factors(const std::string& path);
+
 // Writes [Q x p], C order, float64. Coordinates and names are not kept.
 void write_npy(const std::string& path, const InformationSet& set);
 

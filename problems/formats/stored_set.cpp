@@ -5,6 +5,7 @@
 #include "problems/base/available_memory.hpp"
 #include "problems/files/input_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
+#include "problems/information/factor_form.hpp"
 
 namespace graybox {
 namespace {
@@ -36,6 +37,7 @@ void send(StoredSet set, MessageWriter& answer) {
   answer.whole(static_cast<std::uint64_t>(ReadingStatus::kRead));
   answer.text(set.source);
   answer.whole(set.dimension);
+  answer.whole(set.rank);
   answer.whole(set.first);
   answer.whole(set.total);
   answer.text(set.sha256);
@@ -49,12 +51,17 @@ StoredSet receive_stored_set(const ReadingTask& task, const std::vector<std::str
   StoredSet set;
   set.source = child.text();
   set.dimension = child.whole();
+  set.rank = child.whole();
   set.first = child.whole();
   set.total = child.whole();
   set.sha256 = child.text();
   for (auto* list : {&set.names, &set.units, &set.parameters}) *list = child.texts();
   set.information = receive_numbers(child, arguments.front());
-  require_finite(set.source, set.information.values, set.dimension);
+  if (set.rank == 0) {
+    require_finite(set.source, set.information.values, set.dimension);
+  } else {
+    require_finite_factors(set.source, set.information.values.span(), set.rank, set.dimension);
+  }
   set.coordinates = receive_numbers(child, arguments.front());
   return set;
 }
@@ -63,6 +70,11 @@ InformationSet information_set(const std::string& path, StoredSet stored) {
   const AlignedArray& coordinates = stored.coordinates.values;
   CandidateTable table{
       std::move(stored.names), std::move(stored.units), {coordinates.begin(), coordinates.end()}};
+  if (stored.rank > 0) {
+    return InformationSet::of_factors(stored.dimension, stored.rank,
+                                      std::move(stored.information.values), std::move(table),
+                                      std::move(stored.parameters), path);
+  }
   return InformationSet(stored.dimension, std::move(stored.information.values), std::move(table),
                         std::move(stored.parameters), path);
 }

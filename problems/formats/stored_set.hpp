@@ -22,6 +22,7 @@ struct StoredNumbers {
 
 struct StoredSet {
   std::size_t dimension = 0;
+  std::size_t rank = 0;  // of factors; 0: `information` holds matrices
   StoredNumbers information;
   std::vector<std::string> names, units;  // of the candidates' coordinates
   StoredNumbers coordinates;

@@ -3,38 +3,71 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
+#include <mutex>
 #include <numeric>
 #include <utility>
 
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/base/sha256.hpp"
+#include "problems/base/stop.hpp"
+#include "problems/information/factor_form.hpp"
 #include "problems/information/set_validation.hpp"
 
 namespace graybox {
 namespace {
 
+constexpr std::size_t kCandidatesBetweenStops = 65536;
+constexpr std::size_t kCandidatesAtOnce = 256;  // whose matrices are made to be hashed
+
 std::string subject(const std::string& name) { return name.empty() ? "information set" : name; }
 
 }  // namespace
 
+struct InformationSet::Matrices {
+  std::mutex mutex;
+  std::atomic<const double*> data = nullptr;
+  AlignedArray packed;
+};
+
 InformationSet::InformationSet(std::size_t dimension, AlignedArray information,
+                               CandidateTable candidates, std::vector<std::string> parameters,
+                               std::string name)
+    : InformationSet(dimension, 0, std::move(information), std::move(candidates),
+                     std::move(parameters), std::move(name)) {}
+
+InformationSet InformationSet::of_factors(std::size_t dimension, std::size_t rank,
+                                          AlignedArray factors, CandidateTable candidates,
+                                          std::vector<std::string> parameters, std::string name) {
+  if (rank == 0) throw InputError(subject(name) + ": a factor must have at least one row");
+  return {dimension,      rank, std::move(factors), std::move(candidates), std::move(parameters),
+          std::move(name)};
+}
+
+InformationSet::InformationSet(std::size_t dimension, std::size_t rank, AlignedArray numbers,
                                CandidateTable candidates, std::vector<std::string> parameters,
                                std::string name)
     : dimension_(dimension),
       packed_size_(graybox::packed_size(dimension)),
-      candidate_count_(dimension == 0 ? 0 : information.size() / packed_size_),
-      information_(std::move(information)),
+      rank_(rank),
+      candidate_count_(dimension == 0 ? 0 : numbers.size() / numbers_each()),
+      numbers_(std::move(numbers)),
+      matrices_(rank == 0 ? nullptr : std::make_shared<Matrices>()),
       candidates_(std::move(candidates)),
       parameters_(std::move(parameters)),
       name_(std::move(name)) {
   const std::string who = subject(name_);
   if (dimension_ == 0) throw InputError(who + ": the number of parameters d must be at least 1");
   if (candidate_count_ == 0) throw InputError(who + ": there are no candidates");
-  if (candidate_count_ * packed_size_ != information_.size()) {
-    throw InputError(fmt::format("{}: {} numbers do not divide into packed matrices of {} (d = {})",
-                                 who, information_.size(), packed_size_, dimension_));
+  if (candidate_count_ * numbers_each() != numbers_.size()) {
+    throw InputError(
+        rank == 0 ? fmt::format("{}: {} numbers do not divide into packed matrices of {} (d = {})",
+                                who, numbers_.size(), packed_size_, dimension_)
+                  : fmt::format("{}: {} numbers do not divide into factors of {} x {}", who,
+                                numbers_.size(), rank_, dimension_));
   }
   if (candidates_.units.size() != candidates_.names.size()) {
     throw InputError(fmt::format("{}: candidates: {} column names but {} units", who,
@@ -51,6 +84,36 @@ InformationSet::InformationSet(std::size_t dimension, AlignedArray information,
   }
 }
 
+bool InformationSet::has_matrices() const {
+  return matrices_ == nullptr || matrices_->data.load(std::memory_order_acquire) != nullptr;
+}
+
+std::span<const double> InformationSet::packed(std::size_t candidate,
+                                               std::span<double> buffer) const {
+  if (has_matrices()) return information(candidate);
+  pack_factor(factor(candidate).data(), rank_, dimension_, buffer.data());
+  return buffer.first(packed_size_);
+}
+
+const double* InformationSet::expanded_data() const {
+  const double* ready = matrices_->data.load(std::memory_order_acquire);
+  if (ready != nullptr) return ready;
+  const std::scoped_lock lock(matrices_->mutex);
+  ready = matrices_->data.load(std::memory_order_acquire);
+  if (ready != nullptr) return ready;
+  require_memory(candidate_count_ * packed_size_ * sizeof(double),
+                 subject(name_) + ": what is asked works on matrices, not factors: all of them",
+                 "use column_generation with criterion D, a part of the set or a larger machine");
+  AlignedArray packed(candidate_count_ * packed_size_);
+  for (std::size_t i = 0; i < candidate_count_; ++i) {
+    if (i % kCandidatesBetweenStops == 0) stop_if_requested();
+    pack_factor(factor(i).data(), rank_, dimension_, packed.data() + i * packed_size_);
+  }
+  matrices_->packed = std::move(packed);
+  matrices_->data.store(matrices_->packed.data(), std::memory_order_release);
+  return matrices_->packed.data();
+}
+
 std::span<const double> InformationSet::coordinates(std::size_t candidate) const {
   const std::size_t n = candidates_.names.size();
   return std::span<const double>(candidates_.values).subspan(candidate * n, n);
@@ -60,13 +123,25 @@ std::string InformationSet::content_hash() const {
   const std::uint64_t shape[2] = {candidate_count_, dimension_};  // little-endian on x86-64
   Sha256 hash;
   hash.update(shape, sizeof shape);
-  hash.update(information_.data(), bytes());
+  if (has_matrices()) {
+    hash.update(data(), candidate_count_ * packed_size_ * sizeof(double));
+    return hash.hexadecimal();
+  }
+  AlignedArray block(std::min(candidate_count_, kCandidatesAtOnce) * packed_size_);
+  for (std::size_t from = 0; from < candidate_count_; from += kCandidatesAtOnce) {
+    const std::size_t count = std::min(kCandidatesAtOnce, candidate_count_ - from);
+    for (std::size_t k = 0; k < count; ++k) {
+      pack_factor(factor(from + k).data(), rank_, dimension_, block.data() + k * packed_size_);
+    }
+    hash.update(block.data(), count * packed_size_ * sizeof(double));
+  }
   return hash.hexadecimal();
 }
 
 InformationSet InformationSet::subset(std::span<const std::size_t> indices) const {
   const std::size_t n = candidates_.names.size();
-  AlignedArray information(indices.size() * packed_size_);
+  const std::size_t each = numbers_each();
+  AlignedArray numbers(indices.size() * each);
   CandidateTable table{candidates_.names, candidates_.units, {}};
   table.values.reserve(indices.size() * n);
   for (std::size_t k = 0; k < indices.size(); ++k) {
@@ -75,11 +150,11 @@ InformationSet InformationSet::subset(std::span<const std::size_t> indices) cons
       throw InputError(fmt::format("{}: subset index {} is not below the {} candidates",
                                    subject(name_), i, candidate_count_));
     }
-    std::ranges::copy(this->information(i), information.begin() + k * packed_size_);
+    std::copy_n(numbers_.data() + i * each, each, numbers.begin() + k * each);
     const auto row = coordinates(i);
     table.values.insert(table.values.end(), row.begin(), row.end());
   }
-  return InformationSet(dimension_, std::move(information), std::move(table), parameters_, name_);
+  return {dimension_, rank_, std::move(numbers), std::move(table), parameters_, name_};
 }
 
 void InformationSet::validate() const {

@@ -9,11 +9,25 @@
 //   set.validate();                                      // throws InputError if it is no problem
 //   assert(set.candidate_count() == 2);
 //
-// A set is immutable after construction; solvers take it by const reference.
+// Factor form. Where H_i = F_i^T F_i with F_i of k rows, a set may hold the factors instead: k d
+// numbers a candidate in place of p. Rank one is k = 1: H_i = f_i f_i^T.
+//
+//   graybox::AlignedArray factors(2 * 1 * 2);            // Q = 2, k = 1, d = 2
+//   std::ranges::copy(std::array{1., 0., 1., 1.}, factors.begin());
+//   const auto lines = graybox::InformationSet::of_factors(2, 1, std::move(factors));
+//   lines.packed(1, row);                                // 1, 1, 1
+//
+// What works on factors asks for them: column_generation under criterion D, the checker under D,
+// validation, the formats. Everything else asks for matrices, with data() or information(). The
+// first to do so has all of them made: Q p numbers more, from then on kept. Where they do not fit
+// into memory, it throws InputError.
+//
+// A set is immutable after construction; solvers take it by const reference. Several threads may.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -31,21 +45,50 @@ struct CandidateTable {
   std::vector<double> values;
 };
 
+// What a set holds.
+enum class SetForm : std::int8_t { kMatrices, kFactors };
+
 class InformationSet {
  public:
   // information.size() must be a multiple of p; throws InputError otherwise, and where the
   // candidate table or the parameter names do not fit Q or d.
   InformationSet(std::size_t dimension, AlignedArray information, CandidateTable candidates = {},
                  std::vector<std::string> parameters = {}, std::string name = {});
+  // factors: Q matrices F_i of `rank` rows and `dimension` columns, each row-major, one after the
+  // other. Throws as above.
+  [[nodiscard]] static InformationSet of_factors(std::size_t dimension, std::size_t rank,
+                                                 AlignedArray factors,
+                                                 CandidateTable candidates = {},
+                                                 std::vector<std::string> parameters = {},
+                                                 std::string name = {});
 
   [[nodiscard]] std::size_t candidate_count() const { return candidate_count_; }  // Q
   [[nodiscard]] std::size_t dimension() const { return dimension_; }              // d
   [[nodiscard]] std::size_t packed_size() const { return packed_size_; }          // p
-  [[nodiscard]] std::size_t bytes() const { return information_.size() * sizeof(double); }
-  [[nodiscard]] const double* data() const { return information_.data(); }
-  [[nodiscard]] std::span<const double> information(std::size_t candidate) const {
-    return {information_.data() + candidate * packed_size_, packed_size_};
+  // Of the numbers that are held: what one pass over the set reads.
+  [[nodiscard]] std::size_t bytes() const { return numbers_.size() * sizeof(double); }
+
+  // All packed matrices, and the one of a candidate. In factor form the first call makes them all.
+  [[nodiscard]] const double* data() const {
+    return matrices_ == nullptr ? numbers_.data() : expanded_data();
   }
+  [[nodiscard]] std::span<const double> information(std::size_t candidate) const {
+    return {data() + candidate * packed_size_, packed_size_};
+  }
+  // The packed matrix of one candidate, in either form: where it lies, or made in `buffer` of p
+  // numbers.
+  [[nodiscard]] std::span<const double> packed(std::size_t candidate,
+                                               std::span<double> buffer) const;
+
+  [[nodiscard]] bool has_factors() const { return rank_ > 0; }
+  [[nodiscard]] std::size_t rank() const { return rank_; }  // k; 0 where matrices are held
+  [[nodiscard]] bool has_matrices() const;                  // held, or made since
+  // In factor form alone: all factors, and the k d numbers of a candidate.
+  [[nodiscard]] const double* factors() const { return numbers_.data(); }
+  [[nodiscard]] std::span<const double> factor(std::size_t candidate) const {
+    return {numbers_.data() + candidate * rank_ * dimension_, rank_ * dimension_};
+  }
+
   [[nodiscard]] const CandidateTable& candidates() const { return candidates_; }
   [[nodiscard]] std::span<const double> coordinates(std::size_t candidate) const;
   [[nodiscard]] const std::vector<std::string>& parameters() const { return parameters_; }
@@ -56,7 +99,8 @@ class InformationSet {
   }
 
   // SHA-256, in hexadecimal, of Q and d as little-endian uint64 followed by the packed doubles.
-  // One pass over the data.
+  // The same in either form, for it names the problem. One pass over the data; in factor form the
+  // matrices are made a few at a time.
   [[nodiscard]] std::string content_hash() const;
 
   // The candidates listed, in that order. Throws InputError for an index >= Q.
@@ -68,10 +112,20 @@ class InformationSet {
   void validate() const;
 
  private:
+  struct Matrices;  // of a set in factor form, shared by its copies
+  InformationSet(std::size_t dimension, std::size_t rank, AlignedArray numbers,
+                 CandidateTable candidates, std::vector<std::string> parameters, std::string name);
+  [[nodiscard]] const double* expanded_data() const;
+  [[nodiscard]] std::size_t numbers_each() const {
+    return rank_ == 0 ? packed_size_ : rank_ * dimension_;
+  }
+
   std::size_t dimension_;
   std::size_t packed_size_;
+  std::size_t rank_;
   std::size_t candidate_count_;
-  AlignedArray information_;
+  AlignedArray numbers_;
+  std::shared_ptr<Matrices> matrices_;
   CandidateTable candidates_;
   std::vector<std::string> parameters_;
   std::string name_;

@@ -11,6 +11,7 @@
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
+#include "problems/information/factor_form.hpp"
 
 namespace graybox {
 namespace {
@@ -42,19 +43,32 @@ void add_square(const double* row, std::size_t d, double* packed) {
   }
 }
 
+// Row k of W J.
+void whitened_row(const double* jacobian, std::size_t d, const JacobianNoise& noise, std::size_t k,
+                  std::span<double> row) {
+  std::ranges::fill(row, 0.0);
+  for (std::size_t l = 0; l <= k; ++l) {
+    const double weight = noise.whitening()[k * noise.outputs() + l];
+    if (weight == 0.0) continue;
+    for (std::size_t j = 0; j < d; ++j) row[j] += weight * jacobian[l * d + j];
+  }
+}
+
 // packed += J^T W^T W J; `row` holds d numbers.
 void add_information(const double* jacobian, std::size_t d, const JacobianNoise& noise,
                      std::span<double> row, double* packed) {
-  const std::size_t r = noise.outputs();
-  for (std::size_t k = 0; k < r; ++k) {
-    std::ranges::fill(row, 0.0);
-    for (std::size_t l = 0; l <= k; ++l) {
-      const double weight = noise.whitening()[k * r + l];
-      if (weight == 0.0) continue;
-      for (std::size_t j = 0; j < d; ++j) row[j] += weight * jacobian[l * d + j];
-    }
+  for (std::size_t k = 0; k < noise.outputs(); ++k) {
+    whitened_row(jacobian, d, noise, k, row);
     add_square(row.data(), d, packed);
   }
+}
+
+// A set of factors with the Jacobians' names and coordinates.
+InformationSet finished_factors(Jacobians jacobians, AlignedArray factors) {
+  require_finite_factors(jacobians.source, factors.span(), jacobians.outputs, jacobians.parameters);
+  return InformationSet::of_factors(jacobians.parameters, jacobians.outputs, std::move(factors),
+                                    std::move(jacobians.table), std::move(jacobians.names),
+                                    std::move(jacobians.source));
 }
 
 AlignedArray room_for(const Jacobians& jacobians) {
@@ -128,13 +142,23 @@ std::vector<double> information(std::span<const double> jacobian, std::size_t pa
   return packed;
 }
 
-InformationSet information_set_from_jacobians(Jacobians jacobians, const JacobianNoise& noise) {
+InformationSet information_set_from_jacobians(Jacobians jacobians, const JacobianNoise& noise,
+                                              SetForm form) {
   require_shape(jacobians);
   if (noise.outputs() != jacobians.outputs) {
     throw InputError(fmt::format("noise: of {} outputs, but {} has {} a candidate", noise.outputs(),
                                  jacobians.source, jacobians.outputs));
   }
   const std::size_t d = jacobians.parameters, p = packed_size(d);
+  if (form == SetForm::kFactors) {
+    AlignedArray factors(jacobians.values.size());
+    for (std::size_t k = 0; k < jacobians.candidates * jacobians.outputs; ++k) {
+      const std::size_t output = k % jacobians.outputs;
+      whitened_row(jacobians.values.data() + (k - output) * d, d, noise, output,
+                   factors.span().subspan(k * d, d));
+    }
+    return finished_factors(std::move(jacobians), std::move(factors));
+  }
   AlignedArray matrices = room_for(jacobians);
   std::vector<double> row(d);
   for (std::size_t i = 0; i < jacobians.candidates; ++i) {
@@ -152,14 +176,15 @@ double information_weight(GeneralisedLinearModel model, double linear_predictor)
 }
 
 InformationSet generalised_linear_set(Jacobians regressors, GeneralisedLinearModel model,
-                                      std::span<const double> theta) {
+                                      std::span<const double> theta, SetForm form) {
   require_shape(regressors);
   const std::size_t d = regressors.parameters, p = packed_size(d);
   if (theta.size() != d) {
     throw InputError(fmt::format("nominal parameters: {} are given, but {} has {} columns",
                                  theta.size(), regressors.source, d));
   }
-  AlignedArray matrices = room_for(regressors);
+  const bool factors = form == SetForm::kFactors;
+  AlignedArray numbers = factors ? AlignedArray(regressors.values.size()) : room_for(regressors);
   std::vector<double> row(d);
   for (std::size_t k = 0; k < regressors.candidates * regressors.outputs; ++k) {
     const double* x = regressors.values.data() + k * d;
@@ -167,9 +192,14 @@ InformationSet generalised_linear_set(Jacobians regressors, GeneralisedLinearMod
     for (std::size_t j = 0; j < d; ++j) eta += x[j] * theta[j];
     const double root = std::sqrt(information_weight(model, eta));
     for (std::size_t j = 0; j < d; ++j) row[j] = root * x[j];
-    add_square(row.data(), d, matrices.data() + k / regressors.outputs * p);
+    if (factors) {
+      std::ranges::copy(row, numbers.begin() + k * d);
+    } else {
+      add_square(row.data(), d, numbers.data() + k / regressors.outputs * p);
+    }
   }
-  return finished(std::move(regressors), std::move(matrices));
+  return factors ? finished_factors(std::move(regressors), std::move(numbers))
+                 : finished(std::move(regressors), std::move(numbers));
 }
 
 }  // namespace graybox

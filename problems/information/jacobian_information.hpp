@@ -66,10 +66,13 @@ class JacobianNoise {
 [[nodiscard]] std::vector<double> information(std::span<const double> jacobian,
                                               std::size_t parameters, const JacobianNoise& noise);
 
+// In factor form the set holds W J, r d numbers a candidate, and no matrix is made.
+//
 // Throws InputError where sizes do not fit or a number is not finite. That the sum of all matrices
 // is regular is left to InformationSet::validate().
 [[nodiscard]] InformationSet information_set_from_jacobians(Jacobians jacobians,
-                                                            const JacobianNoise& noise);
+                                                            const JacobianNoise& noise,
+                                                            SetForm form = SetForm::kMatrices);
 
 enum class GeneralisedLinearModel { kLogistic, kPoisson };
 
@@ -79,6 +82,7 @@ enum class GeneralisedLinearModel { kLogistic, kPoisson };
 // theta: d nominal parameters. Throws as above, and where v overflows or vanishes for all rows.
 [[nodiscard]] InformationSet generalised_linear_set(Jacobians regressors,
                                                     GeneralisedLinearModel model,
-                                                    std::span<const double> theta);
+                                                    std::span<const double> theta,
+                                                    SetForm form = SetForm::kMatrices);
 
 }  // namespace graybox

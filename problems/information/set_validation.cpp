@@ -11,6 +11,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
+#include "problems/information/factor_form.hpp"
 
 namespace graybox {
 namespace {
@@ -61,9 +62,9 @@ std::string parameter(const InformationSet& set, Eigen::Index k) {
 // The sum of the matrices, each divided by its largest diagonal entry, so that a few huge
 // candidates can't hide the directions the others see.
 Eigen::MatrixXd normalised_sum(const InformationSet& set) {
-  std::vector<double> sum(set.packed_size(), 0.0);
+  std::vector<double> sum(set.packed_size(), 0.0), buffer(set.packed_size());
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-    const auto packed = set.information(i);
+    const auto packed = set.packed(i, buffer);
     double scale = 0.0;
     for (std::size_t j = 0; j < set.dimension(); ++j) {
       scale = std::max(scale, packed[packed_index(j, j)]);
@@ -99,6 +100,11 @@ std::string combination(const InformationSet& set, const Eigen::VectorXd& direct
 
 std::vector<std::size_t> indefinite_candidates(const InformationSet& set) {
   std::vector<std::size_t> indefinite;
+  if (set.has_factors()) {  // F^T F has no negative eigenvalue
+    const std::size_t size = set.candidate_count() * set.rank() * set.dimension();
+    require_finite_factors(subject(set), {set.factors(), size}, set.rank(), set.dimension());
+    return indefinite;
+  }
   SemidefiniteTest is_positive_semidefinite(set.dimension());
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
     const auto packed = set.information(i);

@@ -48,7 +48,7 @@ py::array_t<double> information_of_jacobians(const py::object& jacobians, const 
                                       .values = {values.data(), values.data() + values.size()}},
                                      noise_of(noise));
   py::array_t<double> packed({set.candidate_count(), set.packed_size()});
-  std::copy_n(set.data(), set.bytes() / sizeof(double), packed.mutable_data());
+  std::copy_n(set.data(), set.candidate_count() * set.packed_size(), packed.mutable_data());
   return packed;
 }
 

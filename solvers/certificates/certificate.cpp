@@ -23,26 +23,25 @@ template <class Real>
 void price(const InformationSet& set, const InformationIn<Real>& information,
            const CandidateList& candidates, SensitivityBounds& bounds, Certificate& certificate) {
   using std::abs;
-  const Real d(set.dimension()), delta = information.residual(), unit = information.trace_unit();
+  const Real d(set.dimension()), delta = information.residual(), unit = information.trace_unit(set);
   const auto rounding = static_cast<double>(unit), stretch = static_cast<double>(delta);
   Real largest = 0, highest = 0;
   for (std::size_t k = 0; k < candidates.count; ++k) {
     const std::size_t i = candidates[k];
-    const auto h = set.information(i);
-    const Real sensitivity = information.sensitivity(h);
+    const Real sensitivity = information.sensitivity(set, i);
     if (sensitivity > largest) {
       largest = sensitivity;
       certificate.worst_candidate = i;
     }
-    const double error = rounding * information.largest_magnitude(h);
+    const double error = rounding * information.largest_magnitude(set, i);
     bounds.upper[i] = kUp * (static_cast<double>(sensitivity) + error) / (1.0 - stretch);
     if (bounds.upper[i] > static_cast<double>(highest)) {
-      const Real exact = (sensitivity + unit * information.magnitude(h)) / (1 - delta);
+      const Real exact = (sensitivity + unit * information.magnitude(set, i)) / (1 - delta);
       highest = std::max<Real>(highest, exact);
     }
   }
-  const auto worst = set.information(certificate.worst_candidate);
-  const Real lowest = (largest - unit * information.magnitude(worst)) / (1 + delta);
+  const Real error = unit * information.magnitude(set, certificate.worst_candidate);
+  const Real lowest = (largest - error) / (1 + delta);
   bounds.largest = static_cast<double>(lowest) / kUp;
   const Real gap = largest / d - 1;
   certificate.duality_gap = static_cast<double>(gap);

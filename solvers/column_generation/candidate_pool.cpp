@@ -5,9 +5,34 @@
 #include <utility>
 
 #include "problems/kernels/kernels.hpp"
+#include "solvers/column_generation/candidate_pricer.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
 
 namespace graybox {
+namespace {
+
+// The sensitivities of a pool, block by block on all threads, and the largest of them. `make_price`
+// gives each thread its own price(from, count, out).
+template <typename MakePrice>
+void price_blocks(int threads, CandidatePool& pool, MakePrice make_price) {
+  constexpr std::size_t kBlock = 4096;
+  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
+  const int used = blocks < 8 ? 1 : threads;
+#pragma omp parallel num_threads(used) if (used > 1)
+  {
+    auto price = make_price();
+#pragma omp for schedule(static)
+    for (std::ptrdiff_t b = 0; b < blocks; ++b) {
+      const std::size_t from = static_cast<std::size_t>(b) * kBlock;
+      price(from, std::min(kBlock, pool.count - from), pool.sensitivity.data() + from);
+    }
+  }
+  pool.best = static_cast<std::size_t>(
+      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
+      pool.sensitivity.begin());
+}
+
+}  // namespace
 
 CandidatePool sample_pool(std::size_t total, std::size_t count, Random& random) {
   CandidatePool pool;
@@ -28,8 +53,14 @@ CandidatePool pool_above(const CandidatePool& all, std::span<const double> value
                          double threshold) {
   CandidatePool list;
   std::vector<std::size_t> positions;
-  for (std::size_t k = 0; k < all.count; ++k) {
-    if (values[k] >= threshold) positions.push_back(k);
+  constexpr std::size_t kBlock = 64;  // most have none, which vectors of comparisons tell
+  for (std::size_t from = 0; from < all.count; from += kBlock) {
+    const std::size_t to = std::min(all.count, from + kBlock);
+    std::size_t above = 0;
+    for (std::size_t k = from; k < to; ++k) above += values[k] >= threshold ? 1U : 0U;
+    for (std::size_t k = from; above > 0 && k < to; ++k) {
+      if (values[k] >= threshold) positions.push_back(k);
+    }
   }
   list.count = positions.size();
   list.sensitivity = AlignedArray(list.count);
@@ -44,24 +75,31 @@ CandidatePool pool_above(const CandidatePool& all, std::span<const double> value
 void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
                 CandidatePool& pool) {
   const std::size_t p = set.packed_size();
-  constexpr std::size_t kBlock = 4096;
-  const auto blocks = static_cast<std::ptrdiff_t>((pool.count + kBlock - 1) / kBlock);
-  const int used = blocks < 8 ? 1 : threads;
-#pragma omp parallel for num_threads(used) schedule(static) if (used > 1)
-  for (std::ptrdiff_t b = 0; b < blocks; ++b) {
-    const std::size_t from = static_cast<std::size_t>(b) * kBlock;
-    const std::size_t count = std::min(kBlock, pool.count - from);
-    double* out = pool.sensitivity.data() + from;
-    if (pool.whole()) {
-      kernels().price(set.data() + from * p, count, p, trace_dual.data(), out);
-    } else {
-      dense_kernels().price_indexed(set.data(), pool.indices.data() + from, count, p,
-                                    trace_dual.data(), out);
-    }
-  }
-  pool.best = static_cast<std::size_t>(
-      std::max_element(pool.sensitivity.begin(), pool.sensitivity.begin() + pool.count) -
-      pool.sensitivity.begin());
+  const double* data = set.data();
+  price_blocks(threads, pool, [=, &pool] {
+    return [=, &pool](std::size_t from, std::size_t count, double* out) {
+      if (pool.whole()) {
+        kernels().price(data + from * p, count, p, trace_dual.data(), out);
+      } else {
+        dense_kernels().price_indexed(data, pool.indices.data() + from, count, p, trace_dual.data(),
+                                      out);
+      }
+    };
+  });
+}
+
+void price_pool(const InformationSet& set, const InverseCholesky& inverse, int threads,
+                CandidatePool& pool) {
+  price_blocks(threads, pool, [&] {
+    return [&pool, pricer = CandidatePricer(set, inverse)](std::size_t from, std::size_t count,
+                                                           double* out) mutable {
+      if (pool.whole()) {
+        pricer.price(from, count, out);
+      } else {
+        pricer.price(std::span(pool.indices).subspan(from, count), out);
+      }
+    };
+  });
 }
 
 std::vector<std::size_t> violators(std::span<const double> sensitivities, double threshold,

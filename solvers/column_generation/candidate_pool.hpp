@@ -2,7 +2,7 @@
 // sensitivities. Shared by the column generations.
 //
 //   CandidatePool pool = sample_pool(set.candidate_count(), 4096, random);
-//   price_pool(set, inverse.trace_dual(), threads, pool);
+//   price_pool(set, inverse, threads, pool);
 //   const double gap = pool.largest() / d - 1;
 #pragma once
 
@@ -13,6 +13,7 @@
 #include "problems/base/aligned_array.hpp"
 #include "problems/base/random.hpp"
 #include "problems/information/information_set.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
 
 namespace graybox {
 
@@ -42,6 +43,10 @@ struct CandidatePool {
 // tr(W H_i) for all candidates of the pool, W in trace-dual packing. One read of their rows. Each
 // is computed alone, so that the result does not depend on the number of threads.
 void price_pool(const InformationSet& set, std::span<const double> trace_dual, int threads,
+                CandidatePool& pool);
+
+// The same for W = M^-1, in the form that the set holds (candidate_pricer.hpp).
+void price_pool(const InformationSet& set, const InverseCholesky& inverse, int threads,
                 CandidatePool& pool);
 
 // The largest sensitivity above `threshold` of each of `stretches` stretches of their order, the

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +17,7 @@
 #include "problems/base/random.hpp"
 #include "solvers/column_generation/best_design.hpp"
 #include "solvers/column_generation/candidate_pool.hpp"
+#include "solvers/column_generation/candidate_pricer.hpp"
 #include "solvers/column_generation/criterion_column_generation.hpp"
 #include "solvers/column_generation/fallback.hpp"
 #include "solvers/column_generation/priced_set.hpp"
@@ -33,6 +36,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kForgivenShare = 0.1;    // of the gap asked for that rounding may hide
 constexpr std::size_t kFewestStages = 4;  // of a pass: with fewer, a sample does as well
+constexpr std::size_t kBatch = 64;        // candidates that are whitened together
 
 std::string rounding_message(double error) {
   return fmt::format("rounding hides up to {:.1e} of the gap", error);
@@ -56,6 +60,7 @@ class ColumnGenerationRun {
         options_(options),
         tracer_(tracer),
         working_(set.dimension()),
+        row_(set.packed_size()),
         random_(options.seed),
         priced_(set, options.threads, random_),
         dimension_(static_cast<double>(set.dimension())) {}
@@ -78,6 +83,8 @@ class ColumnGenerationRun {
   [[nodiscard]] CandidatePool short_list(const CandidatePool& all);
   [[nodiscard]] static CandidatePool largest_of(const CandidatePool& all);
   void apply_frobenius_rule(CandidatePool& list, double max_sensitivity);
+  void whitened_norms(CandidatePool& list, std::size_t from, std::span<double> norms,
+                      std::vector<double>& scratch) const;
   [[nodiscard]] MethodOutcome finish(SolveStatus status, std::string message = {}) const;
 
   const InformationSet& set_;
@@ -85,6 +92,7 @@ class ColumnGenerationRun {
   const SolveOptions& options_;
   Tracer& tracer_;
   WorkingSet working_;
+  std::vector<double> row_;  // of a candidate in factor form
   Random random_;
   PricedSet priced_;
   double dimension_;
@@ -95,7 +103,7 @@ class ColumnGenerationRun {
 
 // w_i for the pool; returns the largest.
 double ColumnGenerationRun::price(CandidatePool& pool) {
-  price_pool(set_, working_.inverse().trace_dual(), options_.threads, pool);
+  price_pool(set_, working_.inverse(), options_.threads, pool);
   tracer_.count_candidates(pool.count);
   return pool.largest();
 }
@@ -105,7 +113,7 @@ std::size_t ColumnGenerationRun::add_violators(const CandidatePool& pool) {
   std::size_t added = 0;
   for (const std::size_t k : violators(pool.sensitivities(), dimension_, 2 * d, 4 * d, random_)) {
     const std::size_t i = pool.candidate(k);
-    added += working_.add(i, set_.information(i).data(), 0.0) ? 1U : 0U;
+    added += working_.add(i, set_.packed(i, row_).data(), 0.0) ? 1U : 0U;
   }
   return added;
 }
@@ -261,23 +269,45 @@ CandidatePool ColumnGenerationRun::short_list(const CandidatePool& all) {
   return list;
 }
 
+// ||B_i||_F^2 of a few candidates of the list, B_i = X H_i X^T, and tr B_i in place of their
+// sensitivities. `scratch` is sized on first use.
+void ColumnGenerationRun::whitened_norms(CandidatePool& list, std::size_t from,
+                                         std::span<double> norms,
+                                         std::vector<double>& scratch) const {
+  const std::size_t d = set_.dimension();
+  const auto x = working_.inverse().inverse_factor();
+  double* traces = list.sensitivity.data() + from;
+  if (set_.has_factors()) {
+    scratch.resize(set_.rank() * d);
+    for (std::size_t k = 0; k < norms.size(); ++k) {
+      norms[k] = set_.rank() == 1
+                     ? traces[k] * traces[k]
+                     : squared_whitened_norm_of_factor(set_.factor(list.indices[from + k]),
+                                                       set_.rank(), x, scratch);
+    }
+    return;
+  }
+  const std::size_t stride = (set_.packed_size() + 7) / 8 * 8, rows = kBatch * stride;
+  scratch.resize(rows + 8 * d * (d + 1));
+  dense_kernels().whiten(set_.data(), list.indices.data() + from, norms.size(), d, x.data(),
+                         scratch.data(), stride, traces, scratch.data() + rows);
+  for (std::size_t k = 0; k < norms.size(); ++k) {
+    const double* row = scratch.data() + k * stride;
+    norms[k] = std::inner_product(row, row + stride, row, 0.0);
+  }
+}
+
 // Keeps the candidates that formula (6) of screening.hpp can't exclude from every optimal support.
 void ColumnGenerationRun::apply_frobenius_rule(CandidatePool& list, double max_sensitivity) {
-  constexpr std::size_t kBatch = 64;
   const FrobeniusRule rule(max_sensitivity, set_.dimension());
-  const std::size_t stride = (set_.packed_size() + 7) / 8 * 8;
-  const std::size_t d = set_.dimension();
-  std::vector<double> whitened(kBatch * stride), scratch(8 * d * (d + 1)), traces(kBatch);
+  std::array<double, kBatch> norms{};
+  std::vector<double> scratch;
   std::size_t kept = 0;
   for (std::size_t from = 0; from < list.count; from += kBatch) {
     const std::size_t count = std::min(kBatch, list.count - from);
-    dense_kernels().whiten(set_.data(), list.indices.data() + from, count, d,
-                           working_.inverse().inverse_factor().data(), whitened.data(), stride,
-                           traces.data(), scratch.data());
+    whitened_norms(list, from, std::span(norms).first(count), scratch);
     for (std::size_t k = 0; k < count; ++k) {
-      const double* row = whitened.data() + k * stride;
-      const double squared_norm = std::inner_product(row, row + stride, row, 0.0);
-      if (rule.deletable(traces[k], squared_norm)) continue;
+      if (rule.deletable(list.sensitivity[from + k], norms[k])) continue;
       list.indices[kept] = list.indices[from + k];
       list.sensitivity[kept] = list.sensitivity[from + k];
       ++kept;

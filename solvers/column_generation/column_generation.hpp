@@ -34,6 +34,11 @@
 // best weights on it (well_conditioned_start.hpp). The first pass over the whole set comes at once.
 // A design that is optimal already costs that pass and no more.
 //
+// A set in factor form (information_set.hpp) is priced, screened, whitened and certified by its
+// factors, where the criterion is D. The few matrices of the working set are made one by one. A
+// pass costs Q k d^2 flops and reads Q k d numbers. Only the other methods of fallback.hpp need all
+// matrices, where there is memory for them.
+//
 // Cost: 2 Q p flops and one read of the set a pass, 1.2 to 3 passes in practice; per Newton step
 // n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.
@@ -54,6 +59,7 @@ class ColumnGeneration : public Solver {
             .memory_exponent = 1,
             .randomised = true,
             .takes_start = true,
+            .takes_factors = true,
             .criteria = {CriterionKind::kD, CriterionKind::kA, CriterionKind::kE, CriterionKind::kL,
                          CriterionKind::kDs, CriterionKind::kC, CriterionKind::kI,
                          CriterionKind::kPhiP, CriterionKind::kG, CriterionKind::kCompound}};

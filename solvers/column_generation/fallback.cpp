@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "problems/base/available_memory.hpp"
+#include "problems/base/stop.hpp"
 #include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
@@ -52,7 +54,7 @@ void price(const InformationSet& set, const SolveOptions& options, Tracer& trace
   CandidatePool all;
   all.count = set.candidate_count();
   all.sensitivity = AlignedArray(all.count);
-  price_pool(set, inverse.trace_dual(), options.threads, all);
+  price_pool(set, inverse, options.threads, all);
   tracer.count_passes(1.0);
   const auto support =
       std::ranges::count_if(outcome.design.weights, [](double w) { return w > 0; });
@@ -84,6 +86,19 @@ MethodOutcome run(const Solver& solver, const InformationSet& set, SolveOptions 
   return outcome;
 }
 
+// Whether the matrices of a set in factor form are there, or could be made in memory and time.
+bool has_or_makes_matrices(const InformationSet& set) {
+  if (set.has_matrices()) return true;
+  const std::size_t bytes = set.candidate_count() * set.packed_size() * sizeof(double);
+  if (bytes >= available_memory()) return false;
+  try {
+    static_cast<void>(set.data());
+  } catch (const Stopped&) {
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 MethodOutcome finish_with_another(const InformationSet& set, const SolveOptions& options,
@@ -93,6 +108,13 @@ MethodOutcome finish_with_another(const InformationSet& set, const SolveOptions&
   const std::string stop = std::isfinite(stopped.gap)
                                ? fmt::format("{} stopped at gap {:.1e}", name, stopped.gap)
                                : fmt::format("{} found no start", name);
+  if (!has_or_makes_matrices(set)) {
+    if (tracer.out_of_time() && !stopped.design.weights.empty()) {
+      stopped.status = SolveStatus::kTimeLimit;
+    }
+    stopped.message += "; the methods that might go on work on matrices, not on factors";
+    return stopped;
+  }
   const DualInteriorPoint dual;
   const VertexExchange exchange;
   for (const Solver* solver : std::initializer_list<const Solver*>{&dual, &exchange}) {

@@ -10,7 +10,6 @@
 
 #include <cstddef>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "problems/base/random.hpp"
@@ -44,8 +43,9 @@ class PricedSet {
   [[nodiscard]] std::optional<CandidatePool> open(const WorkingSet& design, double level) const;
 
  private:
-  [[nodiscard]] CandidatePool collect(std::span<const double> thresholds) const;
-  [[nodiscard]] std::size_t count_above(std::span<const double> thresholds) const;
+  [[nodiscard]] std::size_t count_above(CandidateRun run, double threshold) const;
+  void collect(CandidateRun run, double threshold, std::vector<std::size_t>& indices) const;
+  [[nodiscard]] CandidatePool pool_of(std::vector<std::size_t> indices) const;
 
   const InformationSet& set_;
   int threads_;

@@ -7,15 +7,15 @@ namespace graybox {
 namespace {
 
 constexpr std::size_t kShortestRun = 8;
-constexpr std::size_t kLongestRun = 64;
-constexpr std::size_t kWantedRuns = 4096;
+constexpr std::size_t kWantedRuns = 4096;   // of the usual length
 constexpr std::size_t kFirstStage = 65536;  // candidates at most, about
 
 }  // namespace
 
-StagedOrder::StagedOrder(std::size_t candidates, Random& random)
+StagedOrder::StagedOrder(std::size_t candidates, Random& random, std::size_t longest_run)
     : candidates_(candidates),
-      length_(std::clamp(candidates / kWantedRuns, kShortestRun, kLongestRun)),
+      length_(std::clamp(candidates * longest_run / (kWantedRuns * kUsualRun), kShortestRun,
+                         longest_run)),
       run_count_((candidates + length_ - 1) / length_),
       bits_(static_cast<std::size_t>(std::bit_width(candidates / kFirstStage))),
       shift_(random.below(std::size_t{1} << bits_)) {}

@@ -30,8 +30,11 @@ struct CandidateRun {
 
 class StagedOrder {
  public:
-  // The shift is drawn at random, for sets may have a period.
-  StagedOrder(std::size_t candidates, Random& random);
+  static constexpr std::size_t kUsualRun = 64;
+
+  // The shift is drawn at random, for sets may have a period. A run has at most `longest_run`
+  // candidates: more than usual where one is few bytes, for memory wants runs of some 40 kB.
+  StagedOrder(std::size_t candidates, Random& random, std::size_t longest_run = kUsualRun);
 
   [[nodiscard]] std::size_t stages() const { return bits_ + 1; }
   [[nodiscard]] std::size_t runs(std::size_t stage) const;

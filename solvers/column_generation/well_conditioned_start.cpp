@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "problems/base/aligned_array.hpp"
+#include "problems/base/available_memory.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
@@ -22,7 +23,9 @@ class WeightedPool {
   WeightedPool(const InformationSet& set, std::vector<std::size_t> candidates)
       : set_(set), candidates_(std::move(candidates)), rows_(candidates_.size() * p()) {
     for (std::size_t k = 0; k < candidates_.size(); ++k) {
-      std::ranges::copy(set_.information(candidates_[k]), rows_.begin() + k * p());
+      const std::span<double> row = rows_.span().subspan(k * p(), p());
+      const auto packed = set_.packed(candidates_[k], row);
+      if (packed.data() != row.data()) std::ranges::copy(packed, row.begin());
     }
   }
 
@@ -112,7 +115,7 @@ bool WeightedPool::take(const std::vector<std::size_t>& positions, WorkingSet& w
   working.clear();
   for (const std::size_t k : positions) {
     const std::size_t i = candidates_[k];
-    working.add(i, set_.information(i).data(), weights_[k]);
+    working.add(i, rows_.data() + k * p(), weights_[k]);
   }
   if (!working.refresh()) return false;
   const auto dual = working.inverse().trace_dual();
@@ -149,6 +152,8 @@ bool well_conditioned_start(const InformationSet& set, const CandidatePool& pool
   std::vector<std::size_t> candidates(pool.count);
   for (std::size_t k = 0; k < pool.count; ++k) candidates[k] = pool.candidate(k);
   if (start_from(set, candidates, false, random, tracer, working)) return true;
+  require_memory(set.candidate_count() * set.packed_size() * sizeof(double),
+                 set.name() + ": a start from all candidates", "use a part of the set");
   candidates.resize(set.candidate_count());
   std::iota(candidates.begin(), candidates.end(), std::size_t{0});
   return start_from(set, candidates, false, random, tracer, working) ||

@@ -27,8 +27,9 @@ using Real = long double;
 
 void require_finite(const InformationSet& set, std::span<const double> uniform) {
   if (std::ranges::all_of(uniform, [](double x) { return std::isfinite(x); })) return;
+  std::vector<double> buffer(set.packed_size());
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-    if (!std::ranges::all_of(set.information(i), [](double x) { return std::isfinite(x); })) {
+    if (!std::ranges::all_of(set.packed(i, buffer), [](double x) { return std::isfinite(x); })) {
       throw InputError(fmt::format("{}: candidate {}: the information matrix is not finite",
                                    set.name().empty() ? "information set" : set.name(), i));
     }
@@ -55,15 +56,37 @@ double scaled_condition(std::span<const double> packed, std::size_t d) {
 // information.
 bool sum_is_singular(const InformationSet& set) {
   const std::size_t d = set.dimension();
-  std::vector<double> sum(set.packed_size(), 0.0);
+  std::vector<double> sum(set.packed_size(), 0.0), buffer(set.packed_size());
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
-    const auto h = set.information(i);
+    const auto h = set.packed(i, buffer);
     double scale = 0.0;
     for (std::size_t j = 0; j < d; ++j) scale = std::max(scale, h[packed_index(j, j)]);
     if (!(scale > 0.0)) continue;
     for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += h[k] / scale;
   }
   return !(scaled_condition(sum, d) < 1e14 / static_cast<double>(d));
+}
+
+// The information matrix of the uniform design, packed.
+std::vector<Real> uniform_mean(const InformationSet& set) {
+  const std::size_t d = set.dimension(), count = set.candidate_count();
+  std::vector<Real> sum(set.packed_size(), 0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!set.has_factors()) {
+      const auto h = set.information(i);
+      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += h[k];
+      continue;
+    }
+    const auto factor = set.factor(i);
+    for (std::size_t from = 0; from < factor.size(); from += d) {
+      for (std::size_t j = 0, k = 0; j < d; ++j) {
+        const Real entry = factor[from + j];
+        for (std::size_t l = 0; l <= j; ++l, ++k) sum[k] += entry * factor[from + l];
+      }
+    }
+  }
+  for (Real& x : sum) x /= static_cast<Real>(count);
+  return sum;
 }
 
 // R = L^-1 with packed = L L^T; lower triangle, full row-major. False if a pivot, relative to unit
@@ -119,19 +142,18 @@ void ConditionedSet::whiten(int threads) {
   const std::size_t d = original_.dimension();
   const std::size_t p = original_.packed_size();
   const std::size_t count = original_.candidate_count();
-  std::vector<Real> sum(p, 0), r;
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto h = original_.information(i);
-    for (std::size_t k = 0; k < p; ++k) sum[k] += h[k];
-  }
-  for (Real& x : sum) x /= static_cast<Real>(count);
-  if (!inverse_factor(sum, d, r)) refuse_singular(original_);
+  std::vector<Real> r;
+  if (!inverse_factor(uniform_mean(original_), d, r)) refuse_singular(original_);
   coordinates_.assign(r.begin(), r.end());
-  AlignedArray information(count * p);
-  if (!twofold_congruence(original_.data(), count, d, coordinates_, information.data(), threads)) {
-    return coordinates_.clear();  // the caller has no time for more
-  }
-  copy_.emplace(d, std::move(information));
+  const std::size_t rank = original_.rank();
+  AlignedArray copy(count * (rank == 0 ? p : rank * d));
+  const bool done =
+      rank == 0 ? twofold_congruence(original_.data(), count, d, coordinates_, copy.data(), threads)
+                : twofold_product(original_.factors(), count * rank, d, coordinates_, copy.data(),
+                                  threads);
+  if (!done) return coordinates_.clear();  // the caller has no time for more
+  copy_.emplace(rank == 0 ? InformationSet(d, std::move(copy))
+                          : InformationSet::of_factors(d, rank, std::move(copy)));
   const std::vector<double> weights(count, 1.0 / static_cast<double>(count));
   information_matrix(*copy_, weights, uniform_);
   // The identity, unless the spread is beyond what extended precision bears.

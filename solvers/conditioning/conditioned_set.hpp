@@ -11,6 +11,8 @@
 //
 // hence the eigenvalues of R M* R^T lie in [1/d, Q].
 //
+// In factor form the copy is of factors, R F_i^T, computed likewise.
+//
 // Whitening costs the arithmetic of many passes and a copy of the set, so it is done only if d u c
 // for U exceeds the accuracy asked for. R comes from extended precision and is then rounded: any
 // regular R will do. R H_i R^T is computed with twice the digits of double precision

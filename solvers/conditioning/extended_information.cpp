@@ -22,6 +22,18 @@ Real unit() {
 template <class Real>
 using Matrix = std::vector<Real>;
 
+// sum += weight F^T F.
+template <class Real>
+void add_squares(const Real& weight, std::span<const double> factor, std::size_t d,
+                 Matrix<Real>& sum) {
+  for (std::size_t from = 0; from < factor.size(); from += d) {
+    for (std::size_t j = 0, k = 0; j < d; ++j) {
+      const Real scaled = weight * factor[from + j];
+      for (std::size_t l = 0; l <= j; ++l, ++k) sum[k] += scaled * factor[from + l];
+    }
+  }
+}
+
 // M = sum_i weights_i H_i over the support, packed.
 template <class Real>
 Matrix<Real> weighted_sum(const InformationSet& set, std::span<const Extended> weights) {
@@ -30,6 +42,10 @@ Matrix<Real> weighted_sum(const InformationSet& set, std::span<const Extended> w
   for (std::size_t i = 0; i < weights.size(); ++i) {
     if (weights[i] == 0) continue;
     const Real weight(weights[i]);
+    if (set.has_factors()) {
+      add_squares(weight, set.factor(i), set.dimension(), sum);
+      continue;
+    }
     const auto h = set.information(i);
     for (std::size_t k = 0; k < p; ++k) sum[k] += weight * h[k];
   }
@@ -206,15 +222,21 @@ InformationIn<Real>::InformationIn(const InformationSet& set, std::span<const Ex
   log_det_ = std::accumulate(log_pivots_.begin(), log_pivots_.end(), Real(0));
   const Matrix<Real> inverse = invert_factor(factor, scale, d);
   const auto support = std::ranges::count_if(weights, [](Extended w) { return w > 0; });
-  residual_ = inverse_residual(inverse, information, d, static_cast<std::size_t>(support));
+  triangular_ = order.empty();
+  // Of factors, each term of M has k products of three numbers.
+  const std::size_t terms =
+      std::max<std::size_t>(1, set.rank()) * static_cast<std::size_t>(support);
+  residual_ = inverse_residual(inverse, information, d, terms);
   const Matrix<Real> dual = trace_dual(inverse, d);
   dual_.resize(dual.size());
+  diagonal_.resize(d);
   inverse_.assign(d * d, Real(0));
   for (std::size_t i = 0; i < d; ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       dual_[packed_index(place[i], place[j])] = dual[packed_index(i, j)];
       inverse_[i * d + place[j]] = inverse[packed_index(i, j)];
     }
+    diagonal_[place[i]] = static_cast<double>(dual[packed_index(i, i)]);
   }
 }
 
@@ -250,6 +272,73 @@ double InformationIn<Real>::largest_magnitude(std::span<const double> packed) co
 template <class Real>
 Real InformationIn<Real>::trace_unit() const {
   return static_cast<Real>(dual_.size() + 2 * dimension_ + 4) * unit<Real>();
+}
+
+// Four rows of X at a time: their chains hide the latency of extended additions.
+template <class Real>
+Real InformationIn<Real>::sensitivity(const InformationSet& set, std::size_t candidate) const {
+  if (!set.has_factors()) return sensitivity(set.information(candidate));
+  const std::size_t d = dimension_;
+  const auto factor = set.factor(candidate);
+  Real total = 0;
+  for (std::size_t from = 0; from < factor.size(); from += d) {
+    const double* f = factor.data() + from;
+    for (std::size_t j = 0; j < d; j += 4) {
+      const std::size_t rows = std::min<std::size_t>(4, d - j);
+      const std::size_t columns = triangular_ ? j + rows : d;
+      Real y[4] = {0, 0, 0, 0};
+      const Real* x = inverse_.data() + j * d;
+      if (rows == 4) {
+        for (std::size_t k = 0; k < columns; ++k) {
+          for (std::size_t r = 0; r < 4; ++r) y[r] += x[r * d + k] * f[k];
+        }
+      } else {
+        for (std::size_t k = 0; k < columns; ++k) {
+          for (std::size_t r = 0; r < rows; ++r) y[r] += x[r * d + k] * f[k];
+        }
+      }
+      total += (y[0] * y[0] + y[1] * y[1]) + (y[2] * y[2] + y[3] * y[3]);
+    }
+  }
+  return total;
+}
+
+template <class Real>
+Real InformationIn<Real>::magnitude(const InformationSet& set, std::size_t candidate) const {
+  using std::abs;
+  if (!set.has_factors()) return magnitude(set.information(candidate));
+  const std::size_t d = dimension_;
+  const auto factor = set.factor(candidate);
+  Real total = 0;
+  for (std::size_t from = 0; from < factor.size(); from += d) {
+    for (std::size_t j = 0; j < d; ++j) {
+      Real sum = 0;
+      for (std::size_t k = 0; k < d; ++k) sum += abs(inverse_[j * d + k] * factor[from + k]);
+      total += sum * sum;
+    }
+  }
+  return total;
+}
+
+template <class Real>
+double InformationIn<Real>::largest_magnitude(const InformationSet& set,
+                                              std::size_t candidate) const {
+  if (!set.has_factors()) return largest_magnitude(set.information(candidate));
+  const auto factor = set.factor(candidate);
+  double sum = 0.0;
+  for (std::size_t from = 0; from < factor.size(); from += dimension_) {
+    for (std::size_t a = 0; a < dimension_; ++a) {
+      const double f = factor[from + a];
+      sum += diagonal_[a] * f * f;
+    }
+  }
+  return 1.001 * static_cast<double>(dimension_) * sum;
+}
+
+template <class Real>
+Real InformationIn<Real>::trace_unit(const InformationSet& set) const {
+  if (!set.has_factors()) return trace_unit();
+  return static_cast<Real>(3 * (set.rank() * dimension_ + 2 * dimension_ + 4)) * unit<Real>();
 }
 
 template class InformationIn<Extended>;

@@ -12,10 +12,19 @@
 //   if (!checked.message.empty()) ...                       // no design
 //   const graybox::ExtendedInformation m(set, checked.weights);
 //   if (!m.regular()) ...
-//   const graybox::Extended w = m.sensitivity(set.information(i));
+//   const graybox::Extended w = m.sensitivity(set, i);
 //
-// Cost: O(support p + d^3) to construct, p multiplications a sensitivity. In quadruple precision
-// each takes about a hundred times as long.
+// A set in factor form is summed and priced by its factors: w = |y|^2, y = X F^T, whose entries are
+// sums of d products. With m = |X| |F^T| the computed y is off by at most g(d) m. So w is off by at
+// most g(k d + 2 d) 3 |m|^2, the magnitude of the terms, and by Cauchy-Schwarz
+//
+//   |m|^2 = sum_j (sum_a |X_ja| |f_a|)^2 <= d sum_a W_aa f_a^2,
+//
+// the same bound from the diagonals as for matrices. No error of forming F^T F enters, and the
+// problem that is certified is the one of the factors.
+//
+// Cost: O(support p + d^3) to construct, p multiplications a sensitivity (k p in factor form). In
+// quadruple precision each takes about a hundred times as long.
 #pragma once
 
 #include <cstddef>
@@ -63,6 +72,11 @@ class InformationIn {
   // No less than magnitude() for a positive semidefinite H, from the diagonals alone: by
   // Cauchy-Schwarz (sum_a sqrt(W_aa H_aa))^2 <= d sum_a W_aa H_aa.
   [[nodiscard]] double largest_magnitude(std::span<const double> packed) const;
+  // The same of a candidate, in the form that the set holds.
+  [[nodiscard]] Real sensitivity(const InformationSet& set, std::size_t candidate) const;
+  [[nodiscard]] Real magnitude(const InformationSet& set, std::size_t candidate) const;
+  [[nodiscard]] Real trace_unit(const InformationSet& set) const;
+  [[nodiscard]] double largest_magnitude(const InformationSet& set, std::size_t candidate) const;
   // X, d x d row-major: its columns are the parameters in their own order, its rows those in the
   // order of elimination.
   [[nodiscard]] std::span<const Real> inverse_factor() const { return inverse_; }
@@ -75,6 +89,8 @@ class InformationIn {
   std::vector<Real> inverse_;
   std::vector<Real> log_pivots_;
   std::vector<Real> dual_;  // M^-1 in trace-dual packing
+  std::vector<double> diagonal_;
+  bool triangular_ = true;  // X, where no order was given
   Real log_det_ = 0;
   Real residual_ = 1;
 };

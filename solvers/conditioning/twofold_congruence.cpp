@@ -74,28 +74,61 @@ void transform_batch(const double* in, std::size_t count, std::size_t d, std::sp
   }
 }
 
-}  // namespace
+// At most kLanes rows, entry by entry beside each other.
+void multiply_batch(const double* in, std::size_t count, std::size_t d, std::span<const double> r,
+                    std::vector<Lanes>& entries, double* out) {
+  for (std::size_t k = 0; k < d; ++k) {
+    for (std::size_t l = 0; l < count; ++l) entries[k][l] = in[l * d + k];
+  }
+  for (std::size_t i = 0; i < d; ++i) {
+    TwofoldSum sum;
+    for (std::size_t k = 0; k <= i; ++k) sum.add_product(entries[k], r[i * d + k]);
+    for (std::size_t l = 0; l < count; ++l) out[l * d + i] = sum.value[l] + sum.lost[l];
+  }
+}
 
-bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
-                        std::span<const double> r, double* out, int threads) {
-  const std::size_t p = packed_size(d);
+// transform(begin, count) for all batches of at most kLanes, on all threads; false where it was
+// asked to stop. `make_transform` gives each thread its own.
+template <typename MakeTransform>
+bool transform_all(std::size_t count, int threads, MakeTransform make_transform) {
   const std::size_t batches = (count + kLanes - 1) / kLanes;
   const StopClock clock;
   std::atomic<bool> stopped = false;
 #pragma omp parallel num_threads(threads) if (threads > 1)
   {
-    std::vector<Lanes> entries(p, Lanes{});
-    std::vector<TwofoldSum> product(d * d);
+    auto transform = make_transform();
 #pragma omp for schedule(static)
     for (std::size_t batch = 0; batch < batches; ++batch) {
       if (stopped.load(std::memory_order_relaxed)) continue;
       if (clock.stops()) stopped = true;
       const std::size_t begin = batch * kLanes;
-      transform_batch(in + begin * p, std::min(kLanes, count - begin), d, r, entries, product,
-                      out + begin * p);
+      transform(begin, std::min(kLanes, count - begin));
     }
   }
   return !stopped;
+}
+
+}  // namespace
+
+bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
+                        std::span<const double> r, double* out, int threads) {
+  const std::size_t p = packed_size(d);
+  return transform_all(count, threads, [=] {
+    return [=, entries = std::vector<Lanes>(p, Lanes{}), product = std::vector<TwofoldSum>(d * d)](
+               std::size_t begin, std::size_t size) mutable {
+      transform_batch(in + begin * p, size, d, r, entries, product, out + begin * p);
+    };
+  });
+}
+
+bool twofold_product(const double* in, std::size_t count, std::size_t d, std::span<const double> r,
+                     double* out, int threads) {
+  return transform_all(count, threads, [=] {
+    return
+        [=, entries = std::vector<Lanes>(d, Lanes{})](std::size_t begin, std::size_t size) mutable {
+          multiply_batch(in + begin * d, size, d, r, entries, out + begin * d);
+        };
+  });
 }
 
 }  // namespace graybox

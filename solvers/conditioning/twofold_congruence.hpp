@@ -23,4 +23,9 @@ namespace graybox {
 [[nodiscard]] bool twofold_congruence(const double* in, std::size_t count, std::size_t d,
                                       std::span<const double> r, double* out, int threads);
 
+// The factors' part: f -> R f for `count` rows f of d numbers each, rounded once likewise.
+// Magnitudes and answer as above.
+[[nodiscard]] bool twofold_product(const double* in, std::size_t count, std::size_t d,
+                                   std::span<const double> r, double* out, int threads);
+
 }  // namespace graybox

@@ -7,10 +7,47 @@
 #include "solvers/core/inverse_cholesky.hpp"
 
 namespace graybox {
+namespace {
+
+void add_factors(const InformationSet& set, std::span<const double> weights,
+                 std::span<double> packed) {
+  const std::size_t d = set.dimension();
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    if (weights[i] == 0.0) continue;
+    const auto factor = set.factor(i);
+    for (std::size_t r = 0; r < factor.size(); r += d) {
+      for (std::size_t j = 0, k = 0; j < d; ++j) {
+        const double scaled = weights[i] * factor[r + j];
+        for (std::size_t l = 0; l <= j; ++l, ++k) packed[k] += scaled * factor[r + l];
+      }
+    }
+  }
+}
+
+// out_i = sum over the rows f of F_i of f^T W f.
+void price_factors(const InformationSet& set, std::span<const double> trace_dual,
+                   std::span<double> out) {
+  const std::size_t d = set.dimension();
+  for (std::size_t i = 0; i < set.candidate_count(); ++i) {
+    const auto factor = set.factor(i);
+    double total = 0.0;
+    for (std::size_t r = 0; r < factor.size(); r += d) {
+      for (std::size_t j = 0, k = 0; j < d; ++j) {
+        double inner = 0.0;
+        for (std::size_t l = 0; l <= j; ++l, ++k) inner += trace_dual[k] * factor[r + l];
+        total += inner * factor[r + j];
+      }
+    }
+    out[i] = total;
+  }
+}
+
+}  // namespace
 
 void information_matrix(const InformationSet& set, std::span<const double> weights,
                         std::span<double> packed) {
   std::ranges::fill(packed, 0.0);
+  if (set.has_factors()) return add_factors(set, weights, packed);
   const std::size_t p = set.packed_size();
   const std::size_t count = set.candidate_count();
   const auto& kernel = kernels();
@@ -44,6 +81,7 @@ bool invert(std::span<const double> packed, std::size_t dimension, InverseFactor
 
 void sensitivities(const InformationSet& set, std::span<const double> trace_dual,
                    std::span<double> out) {
+  if (set.has_factors()) return price_factors(set, trace_dual, out);
   kernels().price(set.data(), set.candidate_count(), set.packed_size(), trace_dual.data(),
                   out.data());
 }

@@ -102,6 +102,7 @@ struct SolverTraits {
   int memory_exponent = 1;      // memory grows as Q^memory_exponent
   bool randomised = false;      // the path depends on options.seed
   bool takes_start = false;     // begins from options.start where there is one
+  bool takes_factors = false;   // under criterion D: makes no matrices of a set in factor form
   // The criteria it can solve for.
   std::vector<CriterionKind> criteria = {CriterionKind::kD};
 };

@@ -109,6 +109,13 @@ bool wait_for(ChildProcess& child, Tracer& tracer, double time_limit, bool obser
   return true;
 }
 
+// The same set with its matrices, which stay where they are.
+InformationSet matrices_of(const InformationSet& set) {
+  return {set.dimension(),
+          AlignedArray::borrowed(set.data(), set.candidate_count() * set.packed_size()),
+          set.candidates(), set.parameters(), set.name()};
+}
+
 }  // namespace
 
 ExternalSolver::ExternalSolver(std::string name)
@@ -141,7 +148,8 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   if (command_.set_ending() == ".cbf") {
     write_cbf(problem, set);
   } else {
-    write_information_set(problem, set);
+    // Programs of others know matrices alone.
+    write_information_set(problem, set.has_factors() ? matrices_of(set) : set);
   }
   const std::vector<std::string> words = command_.words({.set_file = problem,
                                                          .design_file = answer,

@@ -47,6 +47,17 @@ void read_set(const fs::path& file) {
   (void)kRead(file.string());
 }
 
+// The same array as matrices and as factors; one of them may be refused.
+void read_npy_set(const fs::path& file) {
+  try {
+    (void)read_npy(file.string());
+  } catch (const InputError&) {
+    (void)read_npy_factors(file.string());
+    return;
+  }
+  (void)read_npy_factors(file.string());
+}
+
 void read_mat_set(const fs::path& file) { (void)read_mat(file.string()); }
 
 void read_hdf5_columns(const fs::path& file) {
@@ -178,7 +189,7 @@ void read_csv_columns(const fs::path& file) { (void)formats::read_csv_recording(
 void read_json_columns(const fs::path& file) { (void)formats::read_json_recording(file.string()); }
 
 constexpr std::array kReaders{
-    Reader{"set_npy", "input.npy", &read_set<&read_npy>},
+    Reader{"set_npy", "input.npy", &read_npy_set},
     Reader{"set_csv", "input.csv", &read_set<&read_csv>},
     Reader{"set_hdf5", "input.h5", &read_set<&read_hdf5>},
     Reader{"set_mat5", "input.mat", &read_mat_set},

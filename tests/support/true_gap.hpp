@@ -45,6 +45,21 @@ inline std::vector<Binary128> quadruple_inverse(std::vector<Binary128> m, std::s
   return inverse;
 }
 
+// H_i exactly, packed: of factors, the sums of their products.
+inline std::vector<Binary128> exact_information(const InformationSet& set, std::size_t i) {
+  if (!set.has_factors()) return {set.information(i).begin(), set.information(i).end()};
+  const std::size_t d = set.dimension();
+  std::vector<Binary128> h(set.packed_size(), 0);
+  for (std::size_t r = 0; r < set.rank(); ++r) {
+    for (std::size_t j = 0, k = 0; j < d; ++j) {
+      for (std::size_t l = 0; l <= j; ++l, ++k) {
+        h[k] += static_cast<Binary128>(set.factor(i)[r * d + j]) * set.factor(i)[r * d + l];
+      }
+    }
+  }
+  return h;
+}
+
 inline double true_gap(const InformationSet& set, const Design& design) {
   if (design.weights.size() != set.candidate_count()) {
     return std::numeric_limits<double>::infinity();
@@ -56,7 +71,8 @@ inline double true_gap(const InformationSet& set, const Design& design) {
     if (design.weights[i] == 0.0) continue;
     const Binary128 weight = design.weights[i];
     sum += weight;
-    for (std::size_t k = 0; k < m.size(); ++k) m[k] += weight * set.information(i)[k];
+    const std::vector<Binary128> h = exact_information(set, i);
+    for (std::size_t k = 0; k < m.size(); ++k) m[k] += weight * h[k];
   }
   for (Binary128& entry : m) entry /= sum;
   std::vector<Binary128> dual = quadruple_inverse(std::move(m), d);
@@ -67,7 +83,8 @@ inline double true_gap(const InformationSet& set, const Design& design) {
   Binary128 largest = 0;
   for (std::size_t i = 0; i < set.candidate_count(); ++i) {
     Binary128 value = 0;
-    for (std::size_t k = 0; k < dual.size(); ++k) value += dual[k] * set.information(i)[k];
+    const std::vector<Binary128> h = exact_information(set, i);
+    for (std::size_t k = 0; k < dual.size(); ++k) value += dual[k] * h[k];
     if (value > largest) largest = value;
   }
   return static_cast<double>(largest / d - 1);
