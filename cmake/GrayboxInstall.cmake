@@ -1,6 +1,12 @@
 # Installs the libraries, headers and the find_package(graybox) configuration: one export for each
 # component, so that who asks for solvers needs no packages of the diagnosis.
-foreach(component problems solvers distributed diagnosis)
+set(components problems solvers distributed)
+set(header_folders problems solvers)
+if(GRAYBOX_WITH_DIAGNOSIS)
+  list(APPEND components diagnosis)
+  list(APPEND header_folders diagnosis)
+endif()
+foreach(component IN LISTS components)
   get_property(libraries GLOBAL PROPERTY GRAYBOX_LIBRARIES_${component})
   if(libraries)
     install(TARGETS ${libraries} EXPORT graybox-${component}-targets
@@ -10,7 +16,7 @@ foreach(component problems solvers distributed diagnosis)
       DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/graybox)
   endif()
 endforeach()
-foreach(folder problems solvers diagnosis)
+foreach(folder IN LISTS header_folders)
   install(CODE "
     set(source \"${CMAKE_SOURCE_DIR}\")
     set(folder \"${folder}\")

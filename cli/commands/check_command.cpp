@@ -22,6 +22,7 @@
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/floor_text.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
+#include "problems/base/error.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
 #include "solvers/exact_bounds/exact_screening.hpp"
