@@ -109,6 +109,14 @@ bool wait_for(ChildProcess& child, Tracer& tracer, double time_limit, bool obser
   return true;
 }
 
+void write_problem(const std::string& file, const InformationSet& set) {
+  if (file.ends_with(".cbf")) {
+    write_cbf(file, set);
+  } else {
+    write_information_set(file, set);
+  }
+}
+
 }  // namespace
 
 ExternalSolver::ExternalSolver(std::string name)
@@ -138,11 +146,7 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   const std::string problem = folder.file("problem" + command_.set_ending());
   const std::string answer = folder.file("design.json");
   const std::string log = folder.file("output.txt");
-  if (command_.set_ending() == ".cbf") {
-    write_cbf(problem, set);
-  } else {
-    write_information_set(problem, set);
-  }
+  write_problem(problem, set);
   const std::vector<std::string> words = command_.words({.set_file = problem,
                                                          .design_file = answer,
                                                          .duality_gap = options.duality_gap,
