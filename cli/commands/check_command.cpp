@@ -173,7 +173,7 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   for (double& effort : solution.efforts) effort *= experiments;
   ConstrainedReport report =
       judge_constrained(set, file.solver, options, std::move(solution),
-                        given ? std::move(request) : claim.request, std::move(constraints));
+                        given ? request : claim.request, std::move(constraints));
   report.report.problem_hash = set.content_hash();
   const bool other = given || !arguments.criterion.name.empty();
   if (other && report.report.status == ReportStatus::kClaimedButWrong) {
