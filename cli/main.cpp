@@ -6,10 +6,10 @@
 
 #include "cli/arguments/option_checks.hpp"
 #include "cli/commands/commands.hpp"
+#include "cli/front/diagnosis_commands.hpp"
 #include "cli/front/output_paths.hpp"
 #include "cli/front/task_list.hpp"
 #include "cli/process/start_up.hpp"
-#include "diagnosis/estimation/quiet_ceres.hpp"
 #include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"
@@ -27,6 +27,7 @@ std::string command_name(const CLI::App& app) {
 // CLI11 reports a missing subcommand where an unknown one was given; this names it.
 std::string unknown_command(const CLI::App& app, int argc, char** argv) {
   const CLI::App* level = &app;
+  std::string path;
   for (int i = 1; i < argc && argv[i][0] != '-'; ++i) {
     const CLI::App* next = nullptr;
     std::string known;
@@ -36,7 +37,11 @@ std::string unknown_command(const CLI::App& app, int argc, char** argv) {
       known += (known.empty() ? "" : ", ") + command->get_name();
     }
     if (known.empty()) return {};
+    path += (path.empty() ? "" : " ") + std::string(argv[i]);
     if (next == nullptr) {
+      if (std::string reason = graybox::cli::reason_for_absence(path); !reason.empty()) {
+        return reason;
+      }
       return "unknown command '" + std::string(argv[i]) + "'; choose one of " + known;
     }
     level = next;
@@ -72,15 +77,7 @@ int run(int argc, char** argv) {
   graybox::cli::add_design_command(app, invocation);
   graybox::cli::add_paper_command(app, invocation);
   graybox::cli::add_study_command(app, invocation);
-  graybox::cli::add_simulate_command(app, invocation);
-  graybox::cli::add_recordings_command(app, invocation);
-  graybox::cli::add_responses_command(app, invocation);
-  graybox::cli::add_fit_command(app, invocation);
-  graybox::cli::add_predict_command(app, invocation);
-  graybox::cli::add_model_command(app, invocation);
-  graybox::cli::add_diagnose_command(app, invocation);
-  graybox::cli::add_export_command(app, invocation);
-  graybox::cli::add_challenge_command(app, invocation);
+  graybox::cli::add_diagnosis_commands(app, invocation);
   graybox::cli::add_completion_command(app, invocation);
   graybox::cli::add_help_command(app, invocation);
   graybox::cli::check_common_options(app);
@@ -122,6 +119,5 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   graybox::cli::start_up();
-  graybox::silence_ceres();
   return graybox::cli::finish(run(argc, argv));
 }

@@ -110,7 +110,8 @@ endfunction()
 
 # graybox_library(name SOURCES a.cpp b.cpp PUBLIC libs... PRIVATE libs... [COMPONENT name])
 # makes the target graybox_<name> with the alias graybox::<name>. It is installed with COMPONENT, by
-# default the folder at the top that it lies in.
+# default the folder at the top that it lies in, and is shared with BUILD_SHARED_LIBS. What is not
+# installed becomes part of the program.
 function(graybox_library name)
   cmake_parse_arguments(arg "" "COMPONENT" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   if(NOT arg_COMPONENT)
@@ -118,9 +119,18 @@ function(graybox_library name)
     string(REGEX REPLACE "/.*" "" arg_COMPONENT ${arg_COMPONENT})
   endif()
   set(target graybox_${name})
-  add_library(${target} STATIC ${arg_SOURCES})
+  set(type STATIC)
+  if(BUILD_SHARED_LIBS AND arg_COMPONENT IN_LIST graybox_components)
+    set(type SHARED)
+  endif()
+  add_library(${target} ${type} ${arg_SOURCES})
   add_library(graybox::${name} ALIAS ${target})
-  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  # No symbol that tells a shared build: its objects are those of a static one.
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} DEFINE_SYMBOL ""
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+  if(type STREQUAL "SHARED")
+    target_link_options(${target} PRIVATE -Wl,--no-undefined)
+  endif()
   target_include_directories(${target} PUBLIC
     $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}>
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)

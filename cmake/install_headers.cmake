@@ -1,9 +1,28 @@
-# Run at installation: copies the headers of `folder` from `source` to `destination`. What they include
-# from the repository's root ("solvers/registry.hpp") becomes "graybox/solvers/registry.hpp", so that
-# a user's folder of the same name does not come in between.
-file(GLOB_RECURSE headers RELATIVE "${source}" "${source}/${folder}/*.hpp")
-foreach(header IN LISTS headers)
+# Run at installation: copies the headers of public_headers.txt, with all that they include, from
+# `source` to `destination`: those of `components`. What they include from the repository's root
+# ("solvers/registry.hpp") becomes "graybox/solvers/registry.hpp", so that a user's folder of the same
+# name does not come in between.
+cmake_policy(VERSION 3.25)
+file(STRINGS "${source}/cmake/public_headers.txt" waiting REGEX "^[a-z]")
+foreach(component problems solvers diagnosis)
+  if(NOT component IN_LIST components)
+    list(FILTER waiting EXCLUDE REGEX "^${component}/")
+  endif()
+endforeach()
+if(NOT "distributed" IN_LIST components)
+  list(FILTER waiting EXCLUDE REGEX "/distributed/")
+endif()
+set(installed "")
+while(waiting)
+  list(POP_FRONT waiting header)
+  if(header IN_LIST installed)
+    continue()
+  endif()
+  list(APPEND installed ${header})
   file(READ "${source}/${header}" text)
+  string(REGEX MATCHALL "#include \"(problems|solvers|diagnosis)/[^\"]+" included "${text}")
+  list(TRANSFORM included REPLACE "#include \"" "")
+  list(APPEND waiting ${included})
   string(REGEX REPLACE "#include \"(problems|solvers|diagnosis)/" "#include \"graybox/\\1/" text
     "${text}")
   set(before "")
@@ -13,4 +32,4 @@ foreach(header IN LISTS headers)
   if(NOT text STREQUAL before)
     file(WRITE "${destination}/${header}" "${text}")
   endif()
-endforeach()
+endwhile()

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # What a package holds is enough: the component `program`, installed elsewhere, solves and completes.
-#   tests/installed_program_test.sh BUILD_FOLDER EXAMPLES
+#   tests/installed_program_test.sh BUILD_FOLDER EXAMPLES WITH_DIAGNOSIS
 set -euo pipefail
-build="$1" examples="$2"
+build="$1" examples="$2" with_diagnosis="$3"
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
 cmake --install "$build" --component program --prefix "$folder/usr" > /dev/null
@@ -19,6 +19,7 @@ fi
 usr/bin/graybox problem random --family wis --candidates 50 --dimension 4 -o set.h5
 usr/bin/graybox solve set.h5 --gap 1e-9
 usr/bin/graybox problem robot --grid 20 -o robot.h5
+[[ "$with_diagnosis" == 1 ]] || exit 0
 usr/bin/graybox export "$examples/simulate/drive.yaml" --to c | grep -q drive_force
 bash --norc -c 'source usr/share/bash-completion/completions/graybox
   COMP_WORDS=(graybox expo); COMP_CWORD=1; _graybox; test "${COMPREPLY[*]}" = export'

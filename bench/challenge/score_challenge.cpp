@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -623,6 +624,36 @@ std::string sizes_table(const Score& score) {
   return text;
 }
 
+// Laws that are listed, whatever the verdict.
+std::vector<NamedRate> any_motion_rates(const std::vector<ScoredCase>& cases) {
+  const auto is_null = [](const ScoredCase& each) {
+    return is_kind(each, CaseKind::kNothing) && each.answer.given;
+  };
+  const auto is_two = [](const ScoredCase& each) {
+    return is_kind(each, CaseKind::kTwoEffects) && each.truth.detectable();
+  };
+  const auto lists_laws = [](const ScoredCase& each) { return !each.answer.effects.empty(); };
+  return {{"false_laws", "-", rate_of(cases, is_null, lists_laws)},
+          {"detectable_found", "-", rate_of(cases, is_detectable_one, is_found)},
+          {"two_effects_found", "-", rate_of(cases, is_two, is_found)}};
+}
+
+// Cases whose law is left out of the catalogue.
+template <typename AtFloor>
+std::vector<NamedRate> left_out_rates(const std::vector<ScoredCase>& left_out,
+                                      const AtFloor& at_floor) {
+  const auto all = [](const ScoredCase&) { return true; };
+  const auto is_unknown = [](const ScoredCase& each) { return each.outcome == "unknown"; };
+  const auto is_given = [](const ScoredCase& each) { return each.answer.given; };
+  const auto is_honest = [&](const ScoredCase& each) {
+    const bool says_unknown = each.answer.verdict == "unknown";
+    const bool names_one = each.answer.verdict != "none" && !says_unknown;
+    return says_unknown || (names_one && (at_floor(each) || !each.answer.predicts));
+  };
+  return {{"left_out_unknown", "-", rate_of(left_out, all, is_unknown)},
+          {"left_out_honest", "100 %", rate_of(left_out, is_given, is_honest)}};
+}
+
 }  // namespace
 
 std::vector<NamedRate> rates_of(const Score& score) {
@@ -674,27 +705,9 @@ std::vector<NamedRate> rates_of(const Score& score) {
       {"hidden_no_false_law", "-",
        rate_of(cases, is_hidden, [](const ScoredCase& each) { return !is_detected(each); })},
   };
-  if (in_any_motion) {
-    // By the laws listed, whatever the verdict.
-    const auto lists_laws = [](const ScoredCase& each) { return !each.answer.effects.empty(); };
-    rates.push_back({"false_laws", "-", rate_of(cases, is_null, lists_laws)});
-    rates.push_back({"detectable_found", "-", rate_of(cases, is_detectable_one, is_found)});
-    rates.push_back({"two_effects_found", "-", rate_of(cases, is_two, is_found)});
-  }
+  if (in_any_motion) std::ranges::move(any_motion_rates(cases), std::back_inserter(rates));
   if (!score.left_out.empty()) {
-    rates.push_back(
-        {"left_out_unknown", "-",
-         rate_of(
-             score.left_out, [](const ScoredCase&) { return true; }, outcome_is("unknown"))});
-    rates.push_back({"left_out_honest", "100 %",
-                     rate_of(
-                         score.left_out, [](const ScoredCase& each) { return each.answer.given; },
-                         [&](const ScoredCase& each) {
-                           const bool is_unknown = each.answer.verdict == "unknown";
-                           const bool names_one = each.answer.verdict != "none" && !is_unknown;
-                           return is_unknown ||
-                                  (names_one && (at_floor(each) || !each.answer.predicts));
-                         })});
+    std::ranges::move(left_out_rates(score.left_out, at_floor), std::back_inserter(rates));
   }
   return rates;
 }

@@ -118,6 +118,39 @@ double efficiency_of_exact(const InformationSet& set, const ConstrainedReport& r
   return std::exp(-std::max(loss, 0.0));
 }
 
+// What the relaxed problem proves of an exact design.
+struct ExactProof {
+  bool is_exact = false;
+  double efficiency = 0.0;  // at least this share of the best exact design's
+};
+
+void print_request_check(const CheckArguments& arguments, const ProjectedSet& read,
+                         const ConstrainedReport& report, const ExactProof& proof,
+                         CriterionKind criterion) {
+  const InformationSet& set = read.set;
+  if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    if (proof.is_exact) {
+      line["status"] = to_string(report.report.certificate.status);
+      line["message"] = report.report.certificate.message;
+      line["efficiency"] = line["proven_efficiency"] = proof.efficiency;
+      line["duality_gap"] = 1.0 / proof.efficiency - 1.0;
+    }
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else if (proof.is_exact) {
+    fmt::print(
+        "{}: {}\n{}design: {}\n  request       {}\n  {}-efficiency  at least {:.8f} of the "
+        "best exact design, by the relaxed problem\n{}",
+        set.name(), describe(set), change_note(read.changed),
+        to_string(report.report.certificate.status), describe(report.request), to_string(criterion),
+        proof.efficiency, describe_efforts(set, report));
+  } else {
+    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_constrained(report), describe_efforts(set, report));
+  }
+}
+
 // Against the request that is given, or the one that the design says it was made for.
 int check_request(const CheckArguments& arguments, const ProjectedSet& read, const DesignFile& file,
                   const ConstrainedClaim& claim, const DesignOutput& shown) {
@@ -140,7 +173,7 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   for (double& effort : solution.efforts) effort *= experiments;
   ConstrainedReport report =
       judge_constrained(set, file.solver, options, std::move(solution),
-                        given ? std::move(request) : claim.request, std::move(constraints));
+                        given ? request : claim.request, std::move(constraints));
   report.report.problem_hash = set.content_hash();
   const bool other = given || !arguments.criterion.name.empty();
   if (other && report.report.status == ReportStatus::kClaimedButWrong) {
@@ -148,40 +181,102 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
     report.report.message = "made for another request";
   }
   // An exact design is compared with the best relaxed one, which no exact one exceeds.
-  const bool exact = read_exact_claim(arguments.design, set, file.design).has_value();
-  double efficiency = report.report.certificate.efficiency;
-  if (exact) efficiency = std::max(efficiency, efficiency_of_exact(set, report));
+  ExactProof proof{.is_exact = read_exact_claim(arguments.design, set, file.design).has_value(),
+                   .efficiency = report.report.certificate.efficiency};
+  if (proof.is_exact) {
+    proof.efficiency = std::max(proof.efficiency, efficiency_of_exact(set, report));
+  }
   if (shown.has_page()) shown.write_page(constrained_story(set, report), files_of(arguments));
   if (shown.has_table()) {
     shown.print_table(set, design_schedule(set, file.design.weights));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    if (exact) {
-      line["status"] = to_string(report.report.certificate.status);
-      line["message"] = report.report.certificate.message;
-      line["efficiency"] = line["proven_efficiency"] = efficiency;
-      line["duality_gap"] = 1.0 / efficiency - 1.0;
+  } else {
+    print_request_check(arguments, read, report, proof, options.criterion.kind());
+  }
+  if (!arguments.json && !shown.has_table()) shown.say_page();
+  if (proof.is_exact) {
+    const double least = 1.0 / (1.0 + arguments.gap.value_or(kInfinity));
+    const bool sound = report.report.certificate.status == CertificateStatus::kCertified;
+    return sound && proof.efficiency >= least ? kDone : kShort;
+  }
+  return report.report.status == ReportStatus::kSolved ? kDone : kShort;
+}
+
+// A design, judged with what its file says of floors, limits and objective.
+struct JudgedDesign {
+  SolveReport report;
+  bool limited = false, floored = false;
+  std::vector<double> efficiencies;  // under the floors
+};
+
+JudgedDesign judge_design(const CheckArguments& arguments, const InformationSet& set,
+                          const DesignFile& file, bool with_page) {
+  JudgedDesign judged;
+  SolveReport& report = judged.report;
+  SolveOptions options;
+  const Criterion made_for = file.criterion.value_or(Criterion());
+  options.criterion = arguments.criterion.read(set).value_or(made_for);
+  options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
+  const Solution claim{.design = file.design,
+                       .status = claimed_status(file.status),
+                       .trace = {},
+                       .counters = file.counters,
+                       .message = {}};
+  report = judge(set, file.solver, options, claim);
+  report.problem_hash = set.content_hash();
+  judged.floored = !file.floors.empty() && options.criterion == made_for;
+  if (judged.floored && with_page) {
+    throw InputError(arguments.design +
+                     ": was made with --floor, and --report draws no such design");
+  }
+  if (judged.floored) {
+    const FlooredCertificate proof =
+        certify_floored(set, file.design, options.criterion, file.floors, options.duality_gap);
+    judged.efficiencies = proof.efficiencies;
+    report.certificate = proof.certificate;
+    report.status = judge(claim.status, options.duality_gap, report.certificate);
+    report.message = report.certificate.message;
+  }
+  judged.limited = file.limits.any() && options.criterion.kind() == CriterionKind::kD;
+  if (judged.limited) {
+    report.certificate = certify_limited(set, file.design, file.limits);
+    report.status = judge(claim.status, options.duality_gap, report.certificate);
+    report.message = report.certificate.message;
+  }
+  if (!(options.criterion == made_for) && report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
+    report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
+  }
+  if (!judged.limited && !file.objective.empty() &&
+      report.status == ReportStatus::kClaimedButWrong) {
+    report.status = ReportStatus::kInaccurate;
+    report.message = fmt::format("made for the objective {}", file.objective);
+  }
+  return judged;
+}
+
+void print_check(const ProjectedSet& read, const DesignFile& file, const JudgedDesign& judged,
+                 bool json, const DesignOutput& shown) {
+  const InformationSet& set = read.set;
+  if (json) {
+    nlohmann::ordered_json line = to_json(judged.report);
+    if (judged.limited) line["limits"] = to_json(file.limits);
+    if (judged.floored) line["floors"] = floors_json(set, file.floors);
+    for (std::size_t k = 0; k < judged.efficiencies.size(); ++k) {
+      line["floors"][k]["efficiency"] = judged.efficiencies[k];
     }
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
-  } else if (exact) {
-    fmt::print(
-        "{}: {}\n{}design: {}\n  request       {}\n  {}-efficiency  at least {:.8f} of the "
-        "best exact design, by the relaxed problem\n{}",
-        set.name(), describe(set), change_note(read.changed),
-        to_string(report.report.certificate.status), describe(report.request),
-        to_string(options.criterion.kind()), efficiency, describe_efforts(set, report));
-  } else {
-    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_constrained(report), describe_efforts(set, report));
+    return;
   }
-  if (!arguments.json && !shown.has_table()) shown.say_page();
-  if (exact) {
-    const double least = 1.0 / (1.0 + arguments.gap.value_or(kInfinity));
-    const bool sound = report.report.certificate.status == CertificateStatus::kCertified;
-    return sound && efficiency >= least ? kDone : kShort;
+  fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+             describe(judged.report));
+  if (judged.limited) {
+    fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
   }
-  return report.report.status == ReportStatus::kSolved ? kDone : kShort;
+  if (judged.floored) fmt::print("{}", describe_floors(file.floors, judged.efficiencies));
+  fmt::print("{}", describe_support(set, file.design));
+  if (file.problem_hash.empty()) fmt::print("note: the design does not say which set it is for\n");
+  shown.say_page();
 }
 
 int check(const CheckArguments& arguments, const Invocation& invocation) {
@@ -204,70 +299,16 @@ int check(const CheckArguments& arguments, const Invocation& invocation) {
   if (exact.has_value() && !other_criterion) {
     return check_exact(arguments, read, file, *exact, shown);
   }
-  SolveOptions options;
-  const Criterion made_for = file.criterion.value_or(Criterion());
-  options.criterion = arguments.criterion.read(set).value_or(made_for);
-  options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
-  const Solution claim{.design = file.design,
-                       .status = claimed_status(file.status),
-                       .trace = {},
-                       .counters = file.counters,
-                       .message = {}};
-  SolveReport report = judge(set, file.solver, options, claim);
-  report.problem_hash = set.content_hash();
-  const bool floored = !file.floors.empty() && options.criterion == made_for;
-  std::vector<double> efficiencies;
-  if (floored && shown.has_page()) {
-    throw InputError(arguments.design +
-                     ": was made with --floor, and --report draws no such design");
-  }
-  if (floored) {
-    const FlooredCertificate proof =
-        certify_floored(set, file.design, options.criterion, file.floors, options.duality_gap);
-    efficiencies = proof.efficiencies;
-    report.certificate = proof.certificate;
-    report.status = judge(claim.status, options.duality_gap, report.certificate);
-    report.message = report.certificate.message;
-  }
-  const bool limited = file.limits.any() && options.criterion.kind() == CriterionKind::kD;
-  if (limited) {
-    report.certificate = certify_limited(set, file.design, file.limits);
-    report.status = judge(claim.status, options.duality_gap, report.certificate);
-    report.message = report.certificate.message;
-  }
-  if (!(options.criterion == made_for) && report.status == ReportStatus::kClaimedButWrong) {
-    report.status = ReportStatus::kInaccurate;  // no claim was made for this criterion
-    report.message = fmt::format("made for criterion {}", to_string(made_for.kind()));
-  }
-  if (!limited && !file.objective.empty() && report.status == ReportStatus::kClaimedButWrong) {
-    report.status = ReportStatus::kInaccurate;
-    report.message = fmt::format("made for the objective {}", file.objective);
-  }
+  const JudgedDesign judged = judge_design(arguments, set, file, shown.has_page());
   if (shown.has_page()) {
-    shown.write_page(solve_story(set, file.design, report), files_of(arguments));
+    shown.write_page(solve_story(set, file.design, judged.report), files_of(arguments));
   }
   if (shown.has_table()) {
     shown.print_table(set, design_schedule(set, file.design.weights));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    if (limited) line["limits"] = to_json(file.limits);
-    if (floored) line["floors"] = floors_json(set, file.floors);
-    for (std::size_t k = 0; k < efficiencies.size(); ++k) {
-      line["floors"][k]["efficiency"] = efficiencies[k];
-    }
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe(report));
-    if (limited) fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
-    if (floored) fmt::print("{}", describe_floors(file.floors, efficiencies));
-    fmt::print("{}", describe_support(set, file.design));
-    if (file.problem_hash.empty())
-      fmt::print("note: the design does not say which set it is for\n");
-    shown.say_page();
+    print_check(read, file, judged, arguments.json, shown);
   }
-  return report.status == ReportStatus::kSolved ? kDone : kShort;
+  return judged.report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
 }  // namespace

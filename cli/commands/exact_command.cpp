@@ -137,10 +137,8 @@ void require_constrained(const ExactArguments& arguments) {
   }
 }
 
-int exact_request(const ExactArguments& arguments, Invocation& invocation) {
-  DesignOutput shown(arguments.shown, invocation.arguments);
-  arguments.criterion.require_consistent();
-  require_constrained(arguments);
+// What is to be found, from a request and from --experiments.
+DesignRequest request_of(const ExactArguments& arguments) {
   DesignRequest request = arguments.request.read();
   if (!arguments.experiments.empty()) {
     const std::vector<std::int64_t> runs = parse_experiments(arguments.experiments);
@@ -150,6 +148,31 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
   if (!request.experiments.has_value() && !request.budget.has_value()) {
     throw InputError("experiments: say how many (--experiments), or what they may cost (--budget)");
   }
+  return request;
+}
+
+void print_request(const ExactArguments& arguments, const ProjectedSet& read,
+                   const ConstrainedExactReport& report, bool found, const DesignOutput& shown) {
+  const InformationSet& set = read.set;
+  if (shown.has_table() && found) {
+    shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
+  } else if (arguments.json) {
+    nlohmann::ordered_json line = to_json(report);
+    add_change(read.changed, line);
+    fmt::print("{}\n", line.dump());
+  } else {
+    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
+               describe_constrained_exact(set, report));
+    if (!arguments.output.empty() && found) fmt::print("wrote {}\n", arguments.output);
+    if (found) shown.say_page();
+  }
+}
+
+int exact_request(const ExactArguments& arguments, Invocation& invocation) {
+  DesignOutput shown(arguments.shown, invocation.arguments);
+  arguments.criterion.require_consistent();
+  require_constrained(arguments);
+  DesignRequest request = request_of(arguments);
   bench::pin_threads(arguments.options.threads, invocation.arguments);
   const ProjectedSet read = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
@@ -190,18 +213,7 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
                      {{arguments.set.path, "information set"}});
   }
   files.commit();
-  if (shown.has_table() && found) {
-    shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
-  } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_constrained_exact(set, report));
-    if (!arguments.output.empty() && found) fmt::print("wrote {}\n", arguments.output);
-    if (found) shown.say_page();
-  }
+  print_request(arguments, read, report, found, shown);
   return report.solution.status == ExactStatus::kOptimal ? kDone : kShort;
 }
 

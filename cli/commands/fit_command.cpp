@@ -102,6 +102,15 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
   return report.converged() ? kDone : kShort;
 }
 
+constexpr const char* kFitFooter =
+    "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"
+    "Examples:\n"
+    "  graybox fit robot.yaml campaign/ -o fit.json\n"
+    "  graybox fit drive.yaml campaign/ --physics friction.yaml --write fitted.yaml\n"
+    "  graybox fit drive.yaml campaign/ --report fit.html\n"
+    "  graybox fit robot.yaml campaign/ --lines full\n"
+    "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json";
+
 }  // namespace
 
 void add_fit_command(CLI::App& app, Invocation& invocation) {
@@ -154,14 +163,7 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   add_time_limit(*command, OnStop::kHandsOverInTime);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
-  command->footer(
-      "Exit codes: 0 converged; 1 not, the best so far is printed and written; 2 bad input.\n"
-      "Examples:\n"
-      "  graybox fit robot.yaml campaign/ -o fit.json\n"
-      "  graybox fit drive.yaml campaign/ --physics friction.yaml --write fitted.yaml\n"
-      "  graybox fit drive.yaml campaign/ --report fit.html\n"
-      "  graybox fit robot.yaml campaign/ --lines full\n"
-      "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json");
+  command->footer(kFitFooter);
   command->callback(
       [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
 }

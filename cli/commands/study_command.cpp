@@ -267,6 +267,17 @@ void add_page_command(CLI::App& study, Invocation& invocation) {
       [arguments, &invocation] { invocation.exit_code = make_page(*arguments, invocation); });
 }
 
+constexpr const char* kStudyFooter =
+    "Every run is a process of its own with hard limits; the checker's gap decides what counts\n"
+    "as solved. Exit code 1 if certified answers disagree, or after Ctrl-C.\n"
+    "Examples:\n"
+    "  graybox study --quick -o results/quick\n"
+    "  graybox study --solvers column_generation,dual_interior_point --max-candidates 2000\n"
+    "  graybox study --full --resume -o results/reference\n"
+    "  graybox study --sets a.npy b.h5 --solver-name 'mine=external:./solve {npy}' -o "
+    "results/own\n"
+    "Figures: scripts/figures results/quick";
+
 }  // namespace
 
 void add_study_command(CLI::App& app, Invocation& invocation) {
@@ -317,16 +328,7 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       ->excludes(sets)
       ->excludes(instances);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
-  command->footer(
-      "Every run is a process of its own with hard limits; the checker's gap decides what counts\n"
-      "as solved. Exit code 1 if certified answers disagree, or after Ctrl-C.\n"
-      "Examples:\n"
-      "  graybox study --quick -o results/quick\n"
-      "  graybox study --solvers column_generation,dual_interior_point --max-candidates 2000\n"
-      "  graybox study --full --resume -o results/reference\n"
-      "  graybox study --sets a.npy b.h5 --solver-name 'mine=external:./solve {npy}' -o "
-      "results/own\n"
-      "Figures: scripts/figures results/quick");
+  command->footer(kStudyFooter);
   add_verify_command(*command, invocation);
   add_page_command(*command, invocation);
   command->callback([command, arguments, &invocation] {

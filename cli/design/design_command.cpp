@@ -13,11 +13,9 @@ void add_design_command(CLI::App& app, Invocation& invocation) {
   add_design_discriminate_command(*command, invocation);
   add_design_plan_command(*command, invocation);
   add_design_continuous_command(*command, invocation);
-  add_design_sequential_command(*command, invocation);
   add_design_spectrum_command(*command, invocation);
   add_design_robust_command(*command, invocation);
   add_design_efficiency_command(*command, invocation);
-  add_design_verify_command(*command, invocation);
   command->footer(
       "Examples:\n"
       "  graybox design robust --samples 50 --uncertainty 0.5 -o worst_case.json\n"

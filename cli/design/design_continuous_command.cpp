@@ -299,37 +299,16 @@ RefinedBound bound_by(std::size_t count, const RobotSpace& space, const Continuo
       kBoundSearches, threads);
 }
 
-int design_continuous(const ContinuousArguments& arguments, Invocation& invocation) {
-  const int threads = arguments.options.threads;
-  bench::pin_threads(threads, invocation.arguments);
-  const RobotModel robot = load_robot(arguments.robot);
-  const RobotSpace space(robot, joint_ranges(arguments, robot));
-  const InformationSet grid = robot_information_set(
-      robot, space.inside(load_positions(arguments.robot, robot)), {.threads = threads});
-  grid.validate();
-
-  catch_interrupts();
-  CountProgress progress("round", static_cast<std::size_t>(arguments.options.round_limit));
-  const auto start = std::chrono::steady_clock::now();
-  Outcome outcome;
-  outcome.dimension = static_cast<double>(grid.dimension());
-  outcome.result =
-      solve_continuous(space, grid, arguments.options, [&](const ContinuousRound& round) {
-        return progress.update(static_cast<std::size_t>(round.round));
-      });
-  if (outcome.result.weights.empty()) {
-    stop_if_requested();
-    throw InputError("the grid has no regular design: give more positions");
-  }
-  const DesignedSet designed = grid_and_support(space, grid, outcome.result);
+// The design, judged over grid and support.
+void judge_continuous(const ContinuousArguments& arguments, const DesignedSet& designed,
+                      double seconds, Outcome& outcome) {
   Solution solution{designed.design, outcome.result.status, {}, {}, {}};
   solution.counters.iterations = static_cast<std::int64_t>(outcome.result.rounds.size());
-  solution.counters.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  solution.counters.seconds = seconds;
   outcome.report = judge(designed.set, "continuous",
                          {.duality_gap = arguments.options.duality_gap,
                           .seed = arguments.options.seed,
-                          .threads = threads},
+                          .threads = arguments.options.threads},
                          solution);
   // The certificate over grid and support can't see what the searches found.
   if (outcome.result.status != SolveStatus::kSolved) {
@@ -340,7 +319,12 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
         "the searches still find larger sensitivities; this is the best so far";
   }
   outcome.report.problem_hash = designed.set.content_hash();
+}
 
+// Bounds by refined grids, optima on other grids, and robots with other stiffness.
+void compare_continuous(const ContinuousArguments& arguments, const RobotModel& robot,
+                        const RobotSpace& space, Outcome& outcome) {
+  const int threads = arguments.options.threads;
   try {
     for (const std::size_t count : arguments.refined) {
       outcome.bounds.push_back(bound_by(count, space, outcome.result, threads));
@@ -366,6 +350,10 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
     }
   } catch (const Stopped&) {  // the grids and samples so far
   }
+}
+
+void write_continuous(const ContinuousArguments& arguments, const InformationSet& grid,
+                      const DesignedSet& designed, const Outcome& outcome) {
   FilesTogether files;
   if (!arguments.set.empty()) write_information_set(arguments.set, designed.set);
   if (!arguments.output.empty()) {
@@ -379,6 +367,35 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
     write_text_file(arguments.tables + "_sensitivity.csv", sensitivity_table(outcome));
   }
   files.commit();
+}
+
+int design_continuous(const ContinuousArguments& arguments, Invocation& invocation) {
+  const int threads = arguments.options.threads;
+  bench::pin_threads(threads, invocation.arguments);
+  const RobotModel robot = load_robot(arguments.robot);
+  const RobotSpace space(robot, joint_ranges(arguments, robot));
+  const InformationSet grid = robot_information_set(
+      robot, space.inside(load_positions(arguments.robot, robot)), {.threads = threads});
+  grid.validate();
+
+  catch_interrupts();
+  CountProgress progress("round", static_cast<std::size_t>(arguments.options.round_limit));
+  const auto start = std::chrono::steady_clock::now();
+  Outcome outcome;
+  outcome.dimension = static_cast<double>(grid.dimension());
+  outcome.result =
+      solve_continuous(space, grid, arguments.options, [&](const ContinuousRound& round) {
+        return progress.update(static_cast<std::size_t>(round.round));
+      });
+  if (outcome.result.weights.empty()) {
+    stop_if_requested();
+    throw InputError("the grid has no regular design: give more positions");
+  }
+  const DesignedSet designed = grid_and_support(space, grid, outcome.result);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  judge_continuous(arguments, designed, seconds.count(), outcome);
+  compare_continuous(arguments, robot, space, outcome);
+  write_continuous(arguments, grid, designed, outcome);
   if (arguments.json) {
     fmt::print("{}\n", to_json(outcome).dump());
   } else {
@@ -387,12 +404,20 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   return outcome.report.status == ReportStatus::kSolved ? kDone : kShort;
 }
 
-}  // namespace
+constexpr const char* kContinuousFooter =
+    "Status solved (exit code 0): three rounds of searches found no sensitivity above d (1 + "
+    "gap),\n"
+    "and the checker certified the design over grid and support. Ctrl-C keeps the best design so "
+    "far\n"
+    "(exit code 1).\n"
+    "Examples:\n"
+    "  graybox design continuous -o design.json --set set.h5 && graybox check set.h5 "
+    "design.json\n"
+    "  graybox design continuous --limits urdf --joint-limit q4=0:0 --joint-limit q6=0:0\n"
+    "  graybox design continuous --refined 10000,1000000 --refinement 1000,7920,146475 "
+    "--tables continuous";
 
-void add_design_continuous_command(CLI::App& design, Invocation& invocation) {
-  auto* command = design.add_subcommand(
-      "continuous", "Positions off the grid: joint angles by local search under joint limits");
-  auto arguments = std::make_shared<ContinuousArguments>();
+void add_continuous_options(CLI::App* command, ContinuousArguments* arguments) {
   ContinuousOptions& options = arguments->options;
   add_robot_options(*command, arguments->robot);
   command->add_option("--gap", options.duality_gap, "largest sensitivity to reach, over d, minus 1")
@@ -436,18 +461,16 @@ void add_design_continuous_command(CLI::App& design, Invocation& invocation) {
                       "write X_support.csv, X_rounds.csv, X_bound.csv, X_refinement.csv, and\n"
                       "X_sensitivity.csv: both designs where the stiffness is off");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
-  command->footer(
-      "Status solved (exit code 0): three rounds of searches found no sensitivity above d (1 + "
-      "gap),\n"
-      "and the checker certified the design over grid and support. Ctrl-C keeps the best design so "
-      "far\n"
-      "(exit code 1).\n"
-      "Examples:\n"
-      "  graybox design continuous -o design.json --set set.h5 && graybox check set.h5 "
-      "design.json\n"
-      "  graybox design continuous --limits urdf --joint-limit q4=0:0 --joint-limit q6=0:0\n"
-      "  graybox design continuous --refined 10000,1000000 --refinement 1000,7920,146475 "
-      "--tables continuous");
+}
+
+}  // namespace
+
+void add_design_continuous_command(CLI::App& design, Invocation& invocation) {
+  auto* command = design.add_subcommand(
+      "continuous", "Positions off the grid: joint angles by local search under joint limits");
+  auto arguments = std::make_shared<ContinuousArguments>();
+  add_continuous_options(command, arguments.get());
+  command->footer(kContinuousFooter);
   command->callback([arguments, &invocation] {
     invocation.exit_code = design_continuous(*arguments, invocation);
   });

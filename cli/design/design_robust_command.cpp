@@ -289,6 +289,22 @@ ProjectedSet single_set(const RobustArguments& arguments) {
           {}};
 }
 
+void print_concentrated(const ProjectedSet& read, const SolveReport& report,
+                        const ConcentrationLimit& limit, const ConcentrationCertificate& proof) {
+  fmt::print("{}: {}\n{}{}", read.set.name(), describe(read.set), change_note(read.changed),
+             describe_status(report));
+  if (proof.certificate.status == CertificateStatus::kCertified) {
+    fmt::print(
+        "  limit         at most {:g} of the weight on any {} positions; the heaviest hold "
+        "{:.9f}\n"
+        "  log det M     {:.10g}, at most {:.2e} below the optimum under the limit\n{}"
+        "  price         {:.4g}: what log det M gains for each unit of the share\n",
+        limit.share, limit.positions, proof.concentration, proof.certificate.log_det,
+        proof.certificate.log_det_gap, describe_gap(report), proof.price);
+  }
+  fmt::print("{}", describe_work(report));
+}
+
 int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
   if (!arguments.largest_share || !arguments.of_positions) {
     throw InputError(
@@ -336,18 +352,7 @@ int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
     add_change(read.changed, line);
     fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_status(report));
-    if (proof.certificate.status == CertificateStatus::kCertified) {
-      fmt::print(
-          "  limit         at most {:g} of the weight on any {} positions; the heaviest hold "
-          "{:.9f}\n"
-          "  log det M     {:.10g}, at most {:.2e} below the optimum under the limit\n{}"
-          "  price         {:.4g}: what log det M gains for each unit of the share\n",
-          limit.share, limit.positions, proof.concentration, proof.certificate.log_det,
-          proof.certificate.log_det_gap, describe_gap(report), proof.price);
-    }
-    fmt::print("{}", describe_work(report));
+    print_concentrated(read, report, limit, proof);
     if (has_design) fmt::print("{}", describe_support(set, solution.design));
     if (!arguments.output.empty() && has_design) fmt::print("wrote {}\n", arguments.output);
     if (has_design) shown.say_page();

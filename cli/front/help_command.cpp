@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cli/commands/commands.hpp"
+#include "cli/front/diagnosis_commands.hpp"
 #include "problems/base/error.hpp"
 
 namespace graybox::cli {
@@ -17,6 +18,8 @@ const CLI::App& find_command(const CLI::App& app, const std::vector<std::string>
     const auto found = level->get_subcommands(
         [&](const CLI::App* command) { return command->get_name() == word; });
     if (found.empty()) {
+      const std::string reason = reason_for_absence(fmt::format("{}", fmt::join(words, " ")));
+      if (!reason.empty()) throw InputError(reason);
       throw InputError(
           fmt::format("help: no command '{}'; see graybox help", fmt::join(words, " ")));
     }

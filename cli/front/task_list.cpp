@@ -2,6 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <string_view>
+
+#include "cli/front/diagnosis_commands.hpp"
+
 namespace graybox::cli {
 namespace {
 
@@ -27,12 +31,21 @@ constexpr Task kTasks[] = {
      .command = "graybox export report/model_extended.yaml --to c -o feed_forward.c"},
 };
 
+// "solve" of "graybox solve set.npy".
+std::string name_of(std::string_view command) {
+  command.remove_prefix(std::string_view("graybox ").size());
+  return std::string(command.substr(0, command.find(' ')));
+}
+
 }  // namespace
 
 std::string task_list() {
   std::string text =
       "graybox tells which experiments to run, and which physics a model leaves out.\n\n";
-  for (const Task& task : kTasks) text += fmt::format("{}:\n  {}\n", task.words, task.command);
+  for (const Task& task : kTasks) {
+    if (!reason_for_absence(name_of(task.command)).empty()) continue;
+    text += fmt::format("{}:\n  {}\n", task.words, task.command);
+  }
   return text +
          "\nAll commands: graybox --help. One command: graybox COMMAND --help. "
          "Which files: docs/README.md.\n";

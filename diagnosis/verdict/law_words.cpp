@@ -66,9 +66,9 @@ double error_of(const LawParameterEstimate& estimate) {
 
 // How one parameter stands to another, beyond their errors: -1, 0 or 1.
 int compared(const LawParameterEstimate& a, const LawParameterEstimate& b) {
-  constexpr double kErrors = 2.0;
+  constexpr double kErrorsApart = 2.0;
   const double difference = a.value - b.value;
-  if (std::abs(difference) <= kErrors * std::hypot(error_of(a), error_of(b))) return 0;
+  if (std::abs(difference) <= kErrorsApart * std::hypot(error_of(a), error_of(b))) return 0;
   return difference < 0.0 ? -1 : 1;
 }
 

@@ -1,5 +1,5 @@
 // Expression: a formula in text, compiled once and evaluated for any number type, so that
-// derivatives come from dual numbers (ceres::Jet) as those of the laws in formula_law.hpp do.
+// derivatives come from dual numbers (dual_number.hpp) as those of the laws in formula_law.hpp do.
 //
 //   const Expression force("k * z^5 + c * z^2 * v", names);      // names = {"z", "v", "k", "c"}
 //   force.evaluate<double>(values);                              // in the order of the names

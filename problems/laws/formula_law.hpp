@@ -1,5 +1,5 @@
 // FormulaLaw: a Law from its formulas, written once for any number type, so that values and
-// derivatives (dual numbers, ceres::Jet) come from the same lines. For the law files alone.
+// derivatives (dual numbers) come from the same lines. For the law files alone.
 //
 //   struct CubicSpring {
 //     static constexpr int kParameters = 1, kStates = 0;
@@ -12,14 +12,13 @@
 // states do not rest at zero.
 #pragma once
 
-#include <ceres/jet.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
 #include <span>
 
+#include "problems/laws/dual_number.hpp"
 #include "problems/laws/law.hpp"
 
 namespace graybox {
@@ -32,13 +31,13 @@ T clip(const T& z, const T& limit) {
   return z;
 }
 
-// x^y for x > 0. The logarithm and a second power, which derivatives by y and ceres::pow take, only
+// x^y for x > 0. The logarithm and a second power, which derivatives by y and pow() take, only
 // where y has a derivative.
 inline double power(double x, double y) { return std::pow(x, y); }
 template <int n>
-ceres::Jet<double, n> power(const ceres::Jet<double, n>& x, const ceres::Jet<double, n>& y) {
+DualNumber<n> power(const DualNumber<n>& x, const DualNumber<n>& y) {
   const double value = std::pow(x.a, y.a);
-  ceres::Jet<double, n> result(value);
+  DualNumber<n> result(value);
   result.v = (value * y.a / x.a) * x.v;
   if (!y.v.isZero(0.0)) result.v += (value * std::log(x.a)) * y.v;
   return result;
@@ -73,7 +72,7 @@ class FormulaLaw final : public Law {
   [[nodiscard]] StateRate state_rate_and_slope(double z, double rate, double state) const override {
     StateRate result;
     if constexpr (kStates == 1) {
-      using Dual = ceres::Jet<double, 1>;
+      using Dual = DualNumber<1>;
       std::array<Dual, std::size_t{kParameters}> p;
       for (int i = 0; i < kParameters; ++i) p[at(i)] = Dual(parameters_[at(i)]);
       const Dual x(state, 0);
@@ -92,7 +91,7 @@ class FormulaLaw final : public Law {
 
   void differentiate(double z, double rate, std::span<const double> state,
                      LawDerivatives& result) const override {
-    using Dual = ceres::Jet<double, kFirstParameter + kParameters>;
+    using Dual = DualNumber<kFirstParameter + kParameters>;
     std::array<Dual, std::size_t{kParameters}> p;
     for (int i = 0; i < kParameters; ++i) {
       p[at(i)] = Dual(parameters_[at(i)], kFirstParameter + i);

@@ -1,6 +1,5 @@
 #include "problems/laws/law_file.hpp"
 
-#include <ceres/jet.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include <utility>
 
 #include "problems/base/random.hpp"
+#include "problems/laws/dual_number.hpp"
 #include "problems/laws/expression.hpp"
 #include "problems/laws/law_catalogue.hpp"
 
@@ -29,7 +29,7 @@ struct Formulas {
 };
 
 class ExpressionLaw final : public Law {
-  using Dual = ceres::Jet<double, static_cast<int>(kMaxNames)>;
+  using Dual = DualNumber<static_cast<int>(kMaxNames)>;
 
  public:
   ExpressionLaw(std::shared_ptr<const Formulas> formulas, std::span<const double> parameters)
@@ -52,7 +52,7 @@ class ExpressionLaw final : public Law {
 
   [[nodiscard]] StateRate state_rate_and_slope(double z, double rate, double state) const override {
     if (state_count() != 1) return {};
-    using Slope = ceres::Jet<double, 1>;
+    using Slope = DualNumber<1>;
     auto values = arguments<Slope>(z, rate, {&state, 1});
     values[2].v[0] = 1.0;
     const Slope change = formulas_->state_rates[0].evaluate<Slope>(values);

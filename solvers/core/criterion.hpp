@@ -54,9 +54,9 @@ struct CriterionPart;
 
 class Criterion {
  public:
-  Criterion() = default;  // D
-  [[nodiscard]] static Criterion a() { return Criterion(CriterionKind::kA); }
-  [[nodiscard]] static Criterion e() { return Criterion(CriterionKind::kE); }
+  Criterion();  // D
+  [[nodiscard]] static Criterion a();
+  [[nodiscard]] static Criterion e();
   // W as a packed lower triangle (packed_matrix.hpp). Throws InputError unless it is finite, not
   // zero and positive semidefinite. That is decided on W scaled to unit diagonal: eigenvalues
   // within 1e-9 of the largest below zero, and those below 1e-14 d of it, count as zero. From then
@@ -72,7 +72,7 @@ class Criterion {
   // p = 0 gives D and p = infinity E. Throws InputError for p < 0 and for no number.
   [[nodiscard]] static Criterion phi_p(double p);
   // Over the candidates; over a region. Throws InputError for a region without points.
-  [[nodiscard]] static Criterion g() { return Criterion(CriterionKind::kG); }
+  [[nodiscard]] static Criterion g();
   [[nodiscard]] static Criterion g(PredictionRegion region);
   // The shares are divided by their sum. Throws InputError where there are none, a share is not
   // positive, or a part is E, G or compound itself.
@@ -96,7 +96,7 @@ class Criterion {
   [[nodiscard]] std::span<const double> weights() const { return weights_; }         // L, I, c: W
   [[nodiscard]] double p() const { return p_; }                                      // phi_p
   [[nodiscard]] const PredictionRegion& region() const { return region_; }           // G
-  [[nodiscard]] std::span<const CriterionPart> parts() const { return parts_; }      // compound
+  [[nodiscard]] std::span<const CriterionPart> parts() const;                        // compound
   [[nodiscard]] std::span<const std::size_t> interest() const { return interest_; }  // Ds
 
   // K, column-major d x k; has_factor() must hold.
@@ -108,7 +108,7 @@ class Criterion {
   friend bool operator==(const Criterion& a, const Criterion& b);
 
  private:
-  explicit Criterion(CriterionKind kind) : kind_(kind) {}
+  explicit Criterion(CriterionKind kind);
   [[nodiscard]] static Criterion weighted(CriterionKind kind, std::vector<double> weights);
 
   CriterionKind kind_ = CriterionKind::kD;
@@ -129,6 +129,14 @@ struct CriterionPart {
     return a.share == b.share && a.criterion == b.criterion;
   }
 };
+
+// What needs the size of a part.
+inline Criterion::Criterion() = default;
+inline Criterion::Criterion(CriterionKind kind) : kind_(kind) {}
+inline Criterion Criterion::a() { return Criterion(CriterionKind::kA); }
+inline Criterion Criterion::e() { return Criterion(CriterionKind::kE); }
+inline Criterion Criterion::g() { return Criterion(CriterionKind::kG); }
+inline std::span<const CriterionPart> Criterion::parts() const { return parts_; }
 
 // The parameters named, as indices: each name is a parameter of the set or, where no parameter has
 // that name, its index counted from zero. Throws InputError for one that is neither, listing the

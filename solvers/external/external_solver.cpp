@@ -116,6 +116,15 @@ InformationSet matrices_of(const InformationSet& set) {
           set.candidates(), set.parameters(), set.name()};
 }
 
+void write_problem(const std::string& file, const InformationSet& set) {
+  if (file.ends_with(".cbf")) {
+    write_cbf(file, set);
+  } else {
+    // Programs of others know matrices alone.
+    write_information_set(file, set.has_factors() ? matrices_of(set) : set);
+  }
+}
+
 }  // namespace
 
 ExternalSolver::ExternalSolver(std::string name)
@@ -145,12 +154,7 @@ Solution ExternalSolver::solve(const InformationSet& set, const SolveOptions& op
   const std::string problem = folder.file("problem" + command_.set_ending());
   const std::string answer = folder.file("design.json");
   const std::string log = folder.file("output.txt");
-  if (command_.set_ending() == ".cbf") {
-    write_cbf(problem, set);
-  } else {
-    // Programs of others know matrices alone.
-    write_information_set(problem, set.has_factors() ? matrices_of(set) : set);
-  }
+  write_problem(problem, set);
   const std::vector<std::string> words = command_.words({.set_file = problem,
                                                          .design_file = answer,
                                                          .duality_gap = options.duality_gap,

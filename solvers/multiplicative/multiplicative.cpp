@@ -61,19 +61,23 @@ bool begin_from(std::span<const double> start, const InformationSet& set, Tracer
   return true;
 }
 
+void require_factor(const InformationSet& set, const Criterion& criterion) {
+  criterion.require_fits(set);
+  if (!criterion.has_factor()) {
+    throw InputError(
+        fmt::format("multiplicative does not solve criterion {}", to_string(criterion.kind())));
+  }
+}
+
 }  // namespace
 
 Solution Multiplicative::solve(const InformationSet& set, const SolveOptions& options,
                                SolveObserver* observer) const {
   Tracer tracer(set, options, observer);
-  options.criterion.require_fits(set);
-  const CriterionKind kind = options.criterion.kind();
-  if (!options.criterion.has_factor()) {
-    throw InputError(fmt::format("multiplicative does not solve criterion {}", to_string(kind)));
-  }
+  require_factor(set, options.criterion);
   const ConditionedSet conditioned(set, kSensitivityAccuracy * options.duality_gap, tracer);
   const std::size_t count = set.candidate_count();
-  const bool plain = kind == CriterionKind::kD;
+  const bool plain = options.criterion.kind() == CriterionKind::kD;
   const double optimum = plain ? static_cast<double>(set.dimension()) : 1.0;
   const std::int64_t limit =
       options.iteration_limit > 0 ? options.iteration_limit : kDefaultIterationLimit;
