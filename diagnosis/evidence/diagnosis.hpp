@@ -129,6 +129,13 @@ struct LateChannel {
   double error_before = 0.0, error_after = 0.0;
 };
 
+// Whether what is left is noise, where the noise is known.
+struct RestTest {
+  bool was_made = true;  // false: there was no time to, and the two p-values say nothing
+  double p_value = 1.0;
+  double fit_p_value = 1.0;  // likewise on the fit's own recordings, with twice the tolerance
+};
+
 struct Diagnosis {
   Verdict verdict = Verdict::kUnknown;
   bool noise_is_known = false;
@@ -158,9 +165,7 @@ struct Diagnosis {
   // Where the noise is known: recordings kept out are predicted to the noise floor, not only within
   // what the errors of the fitted parameters do there.
   bool predicts = true;
-  bool rest_was_tested = true;  // false: there was no time to, and the two p-values say nothing
-  double rest_p_value = 1.0;
-  double fit_p_value = 1.0;    // likewise on the fit's own recordings, with twice the tolerance
+  RestTest rest_test;
   bool rivals_weighed = true;  // false: as many laws as may be leave more than noise
   std::optional<double> remaining_structure, autocorrelated_error;  // where the noise is not known
   std::vector<DetectableEffect> detectable;                         // in the light of the first fit

@@ -273,12 +273,12 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
                                    ? "p-value of the rest on recordings kept out being noise"
                                    : "p-value of the rest being noise";
   const char* const of_fit = "p-value of the rest on the fit's recordings being noise";
-  if (!diagnosis.rest_was_tested) {
+  if (!diagnosis.rest_test.was_made) {
     return {not_asked(kept_out, options.verification_level, kNoTime),
             not_asked(of_fit, options.verification_level, kNoTime)};
   }
-  return {at_least(kept_out, diagnosis.rest_p_value, options.verification_level, look),
-          at_least(of_fit, diagnosis.fit_p_value, options.verification_level, look)};
+  return {at_least(kept_out, diagnosis.rest_test.p_value, options.verification_level, look),
+          at_least(of_fit, diagnosis.rest_test.fit_p_value, options.verification_level, look)};
 }
 
 VerdictReason nothing_kept_out() {

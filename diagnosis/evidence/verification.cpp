@@ -42,7 +42,7 @@ void find_kept_out_change(SearchState& state) {
 }  // namespace
 
 void verify_rest(SearchState& state) {
-  state.result.rest_was_tested = !state.problem->noise_is_known();  // else further down
+  state.result.rest_test.was_made = !state.problem->noise_is_known();  // else further down
   state.result.validation_after = state.problem->validate(state.result.after);
   state.result.mismatch_after = state.problem->mismatch(state.result.after);
   state.result.channels_after = state.problem->channel_rests(state.result.after);
@@ -62,16 +62,16 @@ void verify_rest(SearchState& state) {
 }
 
 bool rest_passes(SearchState& state) {
-  state.result.rest_was_tested = false;  // until it was: a stop may come between
+  state.result.rest_test.was_made = false;  // until it was: a stop may come between
   if (const auto prediction = state.problem->predict_held_out(state.result.after)) {
     state.result.validation_within_errors = prediction->within_errors;
   }
-  state.result.rest_p_value = practical_size_p_value(
+  state.result.rest_test.p_value = practical_size_p_value(
       state.result.validation_within_errors.value_or(state.result.after.estimation),
       state.options.tolerance);
-  state.result.fit_p_value = practical_size_p_value(state.result.after.estimation,
-                                                    kFitTolerance * state.options.tolerance);
-  state.result.rest_was_tested = true;
+  state.result.rest_test.fit_p_value = practical_size_p_value(
+      state.result.after.estimation, kFitTolerance * state.options.tolerance);
+  state.result.rest_test.was_made = true;
   return none_failed(state);
 }
 

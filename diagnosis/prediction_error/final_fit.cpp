@@ -13,6 +13,7 @@
 
 #include "diagnosis/prediction_error/prediction_curves.hpp"
 #include "diagnosis/prediction_error/ripple_trials.hpp"
+#include "diagnosis/prediction_error/robust_covariance.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 #include "diagnosis/predictor/parameter_trend.hpp"
@@ -29,43 +30,10 @@ constexpr double kSkill = 0.5, kFreeSkill = 0.2;  // of the signal; in free run
 constexpr int kIterations = 25, kManyIterations = 75;
 constexpr int kOfStates = 10;        // iterations of initial states alone
 constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
-constexpr double kUnseen = 1e-10;    // of a scaled normal matrix
 constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
-
-// Covariance of the first `parameters` columns.
-MatrixXd robust_covariance(const VectorXd& residuals, const MatrixXd& jacobian,
-                           const BlockEdges& edges) {
-  const Index p = jacobian.cols();
-  const VectorXd scale = jacobian.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  const MatrixXd j = jacobian * scale.asDiagonal();
-  const MatrixXd normal = j.transpose() * j;
-  Eigen::CompleteOrthogonalDecomposition<MatrixXd> inverse(normal);
-  inverse.setThreshold(kUnseen);
-  MatrixXd middle = MatrixXd::Zero(p, p);
-  for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
-    const Index from = edges[b], count = edges[b + 1] - from;
-    const VectorXd g = j.middleRows(from, count).transpose() * residuals.segment(from, count);
-    middle += g * g.transpose();
-  }
-  const auto counted = static_cast<double>((residuals.array() != 0.0).count());
-  const double white = residuals.squaredNorm() / std::max(1.0, counted - static_cast<double>(p));
-  const MatrixXd pinv = inverse.pseudoInverse();
-  const MatrixXd robust = pinv * middle * pinv, plain = white * pinv;
-  MatrixXd covariance = robust;
-  for (Index i = 0; i < p; ++i) {
-    covariance(i, i) = std::max(robust(i, i), plain(i, i)) * scale(i) * scale(i);
-    if (inverse.rank() < p) {  // a direction that the data do not see
-      const VectorXd seen = pinv * (normal * VectorXd::Unit(p, i));
-      if (std::abs(seen(i) - 1.0) > 1e-3) {
-        covariance(i, i) = std::numeric_limits<double>::quiet_NaN();
-      }
-    }
-  }
-  return covariance;
-}
 
 struct Covariate {
   LawTrend::On on = LawTrend::On::kTime;

@@ -402,11 +402,7 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   return both;
 }
 
-// With the drive between its samples as the campaign says. `other`: filled where the motion is
-// foretold better otherwise.
-PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
-                                     const SearchOptions& options, int threads,
-                                     std::optional<HoldComparison>* other) {
+void require_lumped(const std::filesystem::path& model) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
     throw InputError(
@@ -414,6 +410,14 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
                     "graybox-lumped/1 models, not {}",
                     model.string(), format));
   }
+}
+
+// With the drive between its samples as the campaign says. `other`: filled where the motion is
+// foretold better otherwise.
+PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
+                                     const SearchOptions& options, int threads,
+                                     std::optional<HoldComparison>* other) {
+  require_lumped(model);
   LumpedModel stated = load_lumped_model(model);
   PredictionData data(stated, campaign, threads);
   const std::string held = hold_scale(data, stated);

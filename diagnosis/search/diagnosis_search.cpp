@@ -165,7 +165,7 @@ void search(SearchState& state) {
 Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options) {
   SearchState state(problem, options);
   state.result.plausibility_judged = false;
-  state.result.rest_was_tested = false;
+  state.result.rest_test.was_made = false;
   try {
     search(state);
   } catch (const Stopped&) {  // in the middle of a step

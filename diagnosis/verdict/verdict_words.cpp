@@ -378,6 +378,15 @@ std::vector<std::string> kept_out_change_lines(const Diagnosis& diagnosis,
       change.error_fitted, change.error_predicted, sizes)};
 }
 
+// What differs in recordings kept out, and where in time the error sits.
+std::vector<std::string> kept_out_lines(const Diagnosis& diagnosis,
+                                        std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines = kept_out_change_lines(diagnosis, hypotheses);
+  if (diagnosis.verdict == Verdict::kExplained) return lines;
+  for (std::string& line : error_place_lines(diagnosis)) lines.push_back(std::move(line));
+  return lines;
+}
+
 // What keeps one channel from being explained; empty: nothing.
 std::string doubt_of(const ChannelRest& rest) {
   const SearchOptions limits;
@@ -674,9 +683,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
-  if (std::string trial = unfinished_words(diagnosis, hypotheses); !trial.empty()) {
-    lines.push_back(std::move(trial));
-  }
+  std::string trial = unfinished_words(diagnosis, hypotheses);
+  if (!trial.empty()) lines.push_back(std::move(trial));
   add(friction_lines(diagnosis, hypotheses));
   add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
@@ -696,9 +704,8 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           diagnosis.noise_is_known, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
           diagnosis.noise_is_known, lines);
-  add(kept_out_change_lines(diagnosis, hypotheses));
-  if (diagnosis.verdict != Verdict::kExplained) add(error_place_lines(diagnosis));
-  if (diagnosis.detection.detected && diagnosis.noise_is_known && !diagnosis.rest_was_tested) {
+  add(kept_out_lines(diagnosis, hypotheses));
+  if (diagnosis.detection.detected && diagnosis.noise_is_known && !diagnosis.rest_test.was_made) {
     lines.push_back("Whether what is left is noise was not tested: there was no time.");
   } else if (diagnosis.detection.detected && diagnosis.noise_is_known) {
     const std::string where =
@@ -711,12 +718,12 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     lines.push_back(fmt::format(
         "{} {} (p = {:.2g}{}).",
         diagnosis.departures.empty() ? "What is left" : "By its chi-square what is left",
-        diagnosis.verified ? "is no more than noise" : "is more than noise", diagnosis.rest_p_value,
-        where));
-    if (!diagnosis.verified && diagnosis.fit_p_value < diagnosis.rest_p_value) {
-      lines.back() +=
-          fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
-                      diagnosis.after.estimation.chi_square_per_dof(), diagnosis.fit_p_value);
+        diagnosis.verified ? "is no more than noise" : "is more than noise",
+        diagnosis.rest_test.p_value, where));
+    if (!diagnosis.verified && diagnosis.rest_test.fit_p_value < diagnosis.rest_test.p_value) {
+      lines.back() += fmt::format(" On the fit's own recordings it is {:.4g} (p = {:.2g}).",
+                                  diagnosis.after.estimation.chi_square_per_dof(),
+                                  diagnosis.rest_test.fit_p_value);
     }
   }
   if (diagnosis.verified) {

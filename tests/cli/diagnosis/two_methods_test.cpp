@@ -104,7 +104,7 @@ TEST_F(TwoMethods, TheBalanceTellsTheWeightOfAnArmThatMovesSlowly) {
   EXPECT_EQ(law(found, "lag"), nullptr);
 }
 
-// Times, currents and angles of one joint of a real robot, with what `added` says on top of its current.
+// Times, currents and angles of one joint of a real robot, a spring and dry friction added.
 std::string joint_log(std::size_t joint, double spring, double level) {
   const std::string folder = std::getenv("GRAYBOX_RECORDINGS");
   std::ifstream file(folder + "/UR10e/ur-20_02_06-20sec_10harm.csv");

@@ -133,7 +133,7 @@ std::size_t index_of(const MismatchProblem& problem, const std::string& law) {
   return problem.hypotheses().size();
 }
 
-// 100 Hz at up to 0.5 m/s: half of the samples are 4 mm apart, and show waves of 16 mm at the least.
+// 100 Hz at 0.3 m/s: samples are 3 mm apart, and show waves of 12 mm at the least.
 TEST_F(RivalMotion, ARippleThatTheSamplesDoNotShowIsNoLaw) {
   record("run_1", 0.8, 1.0);
   record("kept_out_1", 0.8, 1.0, 0.3);

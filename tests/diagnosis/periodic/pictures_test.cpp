@@ -136,7 +136,7 @@ Diagnosis verified_diagnosis(double largest) {
   diagnosis.noise_is_known = true;
   diagnosis.verified = true;
   diagnosis.detection.detected = true;
-  diagnosis.rest_p_value = 0.61;
+  diagnosis.rest_test.p_value = 0.61;
   diagnosis.mismatch_after = {cell(0.75, largest), cell(2.0, 101.0), cell(6.0, 97.0)};
   return diagnosis;
 }

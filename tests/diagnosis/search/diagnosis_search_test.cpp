@@ -443,8 +443,8 @@ TEST(DiagnosisSearch, AsksForNoiseOnTheFitsOwnRecordingsToo) {
   problem.measure(effect, random);
   problem.keep_out_unexcited(random);
   const Diagnosis diagnosis = diagnose(problem, {});
-  EXPECT_GT(diagnosis.rest_p_value, 0.01);
-  EXPECT_LT(diagnosis.fit_p_value, 1e-6);
+  EXPECT_GT(diagnosis.rest_test.p_value, 0.01);
+  EXPECT_LT(diagnosis.rest_test.fit_p_value, 1e-6);
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
 }
 

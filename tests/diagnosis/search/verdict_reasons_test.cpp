@@ -45,7 +45,7 @@ Diagnosis friction_in_known_noise() {
   diagnosis.remaining_structure.reset();
   diagnosis.autocorrelated_error.reset();
   diagnosis.validation_within_errors = Assessment{1000.0, 1000.0, 3.3, 99.8};
-  diagnosis.rest_p_value = diagnosis.fit_p_value = 0.5;
+  diagnosis.rest_test.p_value = diagnosis.rest_test.fit_p_value = 0.5;
   diagnosis.shapes_compared = diagnosis.time_variation_was_tested = true;
   return diagnosis;
 }
@@ -112,8 +112,8 @@ const Change kOfUnknownNoise[] = {
      Verdict::kAmbiguous},
 };
 const Change kOfKnownNoise[] = {
-    {"rest", [](Diagnosis& d) { d.rest_p_value = 1e-5; }, Verdict::kUnknown},
-    {"rest of the fit", [](Diagnosis& d) { d.fit_p_value = 1e-5; }, Verdict::kUnknown},
+    {"rest", [](Diagnosis& d) { d.rest_test.p_value = 1e-5; }, Verdict::kUnknown},
+    {"rest of the fit", [](Diagnosis& d) { d.rest_test.fit_p_value = 1e-5; }, Verdict::kUnknown},
     {"departure", [](Diagnosis& d) { d.departures.emplace_back(); }, Verdict::kUnknown},
     {"shared",
      [](Diagnosis& d) {
@@ -192,13 +192,13 @@ TEST(VerdictReasons, TheFirstFailureDecides) {
 TEST(VerdictReasons, ASearchThatWasStoppedHasTestedNothing) {
   Diagnosis diagnosis = friction_in_known_noise();
   diagnosis.interrupted = true;
-  diagnosis.rest_was_tested = diagnosis.shapes_compared = false;
+  diagnosis.rest_test.was_made = diagnosis.shapes_compared = false;
   diagnosis.time_variation_was_tested = diagnosis.plausibility_judged = false;
   diagnosis.effects.clear();
   diagnosis.validation_before = Assessment{1e6, 1000.0, 50.0, 0.0};
   diagnosis.validation_after.reset();
   diagnosis.validation_within_errors.reset();
-  diagnosis.rest_p_value = diagnosis.fit_p_value = 1.0;
+  diagnosis.rest_test.p_value = diagnosis.rest_test.fit_p_value = 1.0;
   diagnosis.reasons = verdict_reasons(diagnosis, {});
   EXPECT_EQ(verdict_of(diagnosis.reasons), Verdict::kUnknown);
   for (const VerdictReason& reason : diagnosis.reasons) {

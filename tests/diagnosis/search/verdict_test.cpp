@@ -41,7 +41,7 @@ Diagnosis explained() {
   diagnosis.verdict = Verdict::kExplained;
   diagnosis.noise_is_known = true;
   diagnosis.verified = true;
-  diagnosis.rest_p_value = 0.6;
+  diagnosis.rest_test.p_value = 0.6;
   diagnosis.detection = {true, 1e-30, 1e-40, 2e-4};
   diagnosis.before.usable = diagnosis.after.usable = true;
   diagnosis.before.estimation = {9000.0, 1000.0, 12.0, 98.0};
@@ -101,8 +101,8 @@ TEST(VerdictWords, SayWhatWasFoundAndWhatIsExcluded) {
 TEST(VerdictWords, SayWhatCouldNotBeFittedAndWhatOnlyStandsIn) {
   Diagnosis diagnosis = explained();
   diagnosis.verified = false;
-  diagnosis.rest_p_value = 0.4;
-  diagnosis.fit_p_value = 1e-9;
+  diagnosis.rest_test.p_value = 0.4;
+  diagnosis.rest_test.fit_p_value = 1e-9;
   diagnosis.rivals_weighed = false;
   diagnosis.effects[0].bic_difference = std::nan("");
   const std::string all = all_words(diagnosis);
