@@ -121,10 +121,15 @@ std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
   return any ? units : std::vector<std::string>{};
 }
 
-// An empty field and an error of Excel are samples that are not there. A column is of numbers or of
-// time stamps.
+// What a column has held so far: numbers or time stamps.
+struct ColumnContent {
+  StampColumn stamps;
+  bool has_numbers = false;
+};
+
+// An empty field and an error of Excel are samples that are not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
-                 std::string_view field, StampColumn& stamps) {
+                 std::string_view field, ColumnContent& content) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   if (field.empty()) return kNone;
   for (const std::string_view error :
@@ -132,8 +137,12 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
     if (field == error) return kNone;
   }
   double number = kNone;
-  if (!stamps.has_any() && parse_number(field, number)) return number;
-  if (stamps.take(field, number)) return number;
+  StampColumn& stamps = content.stamps;
+  if (parse_number(field, number) && (!stamps.has_any() || std::isnan(number))) {
+    content.has_numbers = content.has_numbers || !std::isnan(number);
+    return number;
+  }
+  if (!content.has_numbers && stamps.take(field, number)) return number;
   // What stands in a column without a name is a note.
   if (column.empty()) return kNone;
   if (stamps.has_any()) {
@@ -342,14 +351,15 @@ std::vector<std::string_view> with_day_joined(const std::vector<std::string_view
 }
 
 // Stamps are times in s. A column of days and one with the time of day are one time.
-void take_stamps(const std::vector<StampColumn>& stamps, RecordingFile& file) {
+void take_stamps(const std::vector<ColumnContent>& contents, RecordingFile& file) {
   std::vector<std::size_t> days, times;
-  for (std::size_t k = 0; k < stamps.size(); ++k) {
-    if (!stamps[k].has_any()) continue;
+  for (std::size_t k = 0; k < contents.size(); ++k) {
+    const StampColumn& stamps = contents[k].stamps;
+    if (!stamps.has_any()) continue;
     file.columns[k].unit = "s";
-    file.columns[k].origin = stamps[k].description();
-    if (stamps[k].kind() == TimeStamp::Kind::kDay) days.push_back(k);
-    if (stamps[k].kind() == TimeStamp::Kind::kTimeOfDay) times.push_back(k);
+    file.columns[k].origin = stamps.description();
+    if (stamps.kind() == TimeStamp::Kind::kDay) days.push_back(k);
+    if (stamps.kind() == TimeStamp::Kind::kTimeOfDay) times.push_back(k);
   }
   if (days.size() != 1 || times.size() != 1) return;
   constexpr double kDay = 86400.0;
@@ -391,7 +401,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   if (more && !joins_day) name_the_rest(splitter.split(line).size(), file);
   std::vector<std::string_view> joined;
   std::vector<std::vector<double>> values(file.columns.size());
-  std::vector<StampColumn> stamps(file.columns.size());
+  std::vector<ColumnContent> contents(file.columns.size());
   for (; more; more = lines.next(line)) {
     const std::vector<std::string_view>& split = splitter.split(line);
     const std::vector<std::string_view>& fields =
@@ -402,7 +412,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     }
     for (std::size_t k = 0; k < values.size(); ++k) {
       values[k].push_back(
-          sample_in(path, lines.number(), file.columns[k].name, fields[k], stamps[k]));
+          sample_in(path, lines.number(), file.columns[k].name, fields[k], contents[k]));
     }
   }
   if (values.front().empty()) throw InputError(path + ": there is a header and no numbers");
@@ -411,7 +421,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
   tell_the_rest(named, file);
-  take_stamps(stamps, file);
+  take_stamps(contents, file);
   leave_out_equal_times(file);
   name_or_drop_unnamed(file);
   if (file.columns.empty()) throw InputError(path + ": no column has a name or numbers");

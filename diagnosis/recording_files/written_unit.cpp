@@ -258,12 +258,12 @@ WrittenUnit unit_of_words(std::string_view words) {
 
 WrittenUnit written_unit(std::string_view text) {
   std::string plain = spelled_out(trimmed(text));
+  if (is_share(plain)) return {"%", 1.0};
   const WrittenUnit unit = plain_unit(plain);
   if (!unit.unit.empty()) return unit;
   replace_all(plain, "\xC3\x97", "*");  // times
   replace_all(plain, "\xC2\xB7", " ");  // middle dot
-  plain = trimmed(plain);
-  return is_share(plain) ? WrittenUnit{"%", 1.0} : unit_with_factor(plain);
+  return unit_with_factor(std::string(trimmed(plain)));
 }
 
 std::string unit_as_written(std::string_view text) {

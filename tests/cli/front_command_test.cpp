@@ -351,13 +351,14 @@ TEST_F(FrontDoor, RepeatableOptionsSwallowNoArgument) {
       if (option.is_positional || !option.is_repeatable) continue;
       ++pairs;
       const std::string stated = " " + option.name + " " + option.value();
-      const Outcome before = graybox(command + stated + arguments),
-                    behind = graybox(command + arguments + stated);
+      // Twice: CLI11 leaves as many words at the end as there are arguments.
+      const Outcome before = graybox(command + stated + arguments + stated),
+                    behind = graybox(command + arguments + stated + stated);
       EXPECT_EQ(before.err, behind.err) << command << stated;
       EXPECT_EQ(before.exit_code, behind.exit_code) << command << stated;
     }
   }
-  EXPECT_GT(pairs, 10U);
+  EXPECT_GT(pairs, 8U);
 }
 
 // Devices may be named as often as one likes.
