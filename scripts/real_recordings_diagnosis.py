@@ -44,7 +44,7 @@ def diagnose(graybox, model, campaign, without):
     command = [graybox, "diagnose", str(model), str(campaigns / f"{campaign}.yaml"), "--json",
                "--threads", "2"]
     if without:
-        command += ["--without", *without]
+        command += [f"--without={law}" for law in without]
     start = time.monotonic()
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == 2:

@@ -98,7 +98,7 @@ def kr300():
     low_passed = scratch / "kr300_low_passed.yaml"
     low_passed.write_text((campaigns / "kr300.yaml").read_text().replace(
         "experiments:", "preprocess: [{kind: low_pass, frequency: 20}]\nexperiments:"))
-    friction = ["--refine", *(f"coulomb_{joint}.transition_velocity" for joint in range(1, 7))]
+    friction = [f"--refine=coulomb_{joint}.transition_velocity" for joint in range(1, 7)]
     ladder = [("rigid, payload fitted to A, B, C", everything, ["payload"], (142, 100.5, 99.5)),
               ("+ friction", everything, ["payload", "viscous", "coulomb"], (126, 81, 73)),
               ("+ offset, fitted to A", campaigns / "kr300.yaml",

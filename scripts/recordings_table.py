@@ -12,8 +12,7 @@ campaigns = root / "diagnosis/campaigns"
 def fit(graybox, model, campaign, physics, *options):
     """The answer of `graybox fit`, converged or not."""
     command = [graybox, "fit", str(model), str(campaign), "--json", *options]
-    if physics:
-        command += ["--physics", *map(str, physics)]
+    command += [f"--physics={file}" for file in physics or ()]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == 2:
         sys.exit(done.stderr)

@@ -26,6 +26,19 @@ std::string check_threads(const std::string& text) {
   return text + " must be a whole number from 1 to 1024";
 }
 
+bool has_positionals(const CLI::App& app) {
+  return !app.get_options([](const CLI::Option* option) { return option->get_positional(); })
+              .empty();
+}
+
+// "--column enc=position log.csv" is one column and one file.
+void take_one_value_each(CLI::App& app) {
+  if (!has_positionals(app)) return;
+  for (CLI::Option* option : app.get_options()) {
+    if (!option->get_positional()) option->allow_extra_args(false);
+  }
+}
+
 }  // namespace
 
 void check_common_options(CLI::App& app) {
@@ -37,6 +50,7 @@ void check_common_options(CLI::App& app) {
   hold("--gap", check_gap);
   hold("--seed", check_seed);
   hold("--threads", check_threads);
+  take_one_value_each(app);
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     check_common_options(*command);
   }

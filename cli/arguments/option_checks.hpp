@@ -5,6 +5,9 @@
 //   --seed     not negative (a negative number would wrap round to a huge one)
 //   --threads  a whole number from 1 to 1024
 //
+// An option that may be given several times takes one value each time, where the command has
+// arguments without a name: these would be swallowed else.
+//
 // And whatever takes a value is given one: --format '' would pass for --format left out.
 #pragma once
 

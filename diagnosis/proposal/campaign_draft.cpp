@@ -61,7 +61,8 @@ std::string named_column(const DraftChannel& channel, const LogRecording& record
   if (channel.column == "ANSWER") return channel.column;
   const LogColumn& column = recording.at(channel.file, channel.column);
   const bool is_replaced = column.answered && !column.stated_unit.empty() &&
-                           find_unit(channel.unit) != nullptr && column.stated_unit != channel.unit;
+                           find_unit(channel.unit) != nullptr &&
+                           !is_same_unit(column.stated_unit, channel.unit);
   return is_replaced ? fmt::format("{} [{}]", column.name, column.stated_unit) : column.name;
 }
 
@@ -129,10 +130,13 @@ std::string experiments_text(const CampaignDraft& draft,
                              const std::filesystem::path& folder) {
   std::string text = "experiments:\n";
   for (const DraftExperiment& each : draft.experiments) {
-    text += "  - " + files_text(draft, recordings[each.recording], folder) + "\n";
-    if (!each.is_whole) {
-      text += behind(fmt::format("    segments: [[{}, {}]]", each.first, each.last),
-                     draft.keeps_standstill ? "samples, from 0" : "samples that move, from 0");
+    const LogRecording& recording = recordings[each.recording];
+    text += "  - " + files_text(draft, recording, folder) + "\n";
+    if (!each.is_whole || recording.is_part) {
+      text += behind(fmt::format("    segments: [[{}, {}]]", recording.first_row + each.first,
+                                 recording.first_row + each.last),
+                     draft.keeps_standstill || each.is_whole ? "samples, from 0"
+                                                             : "samples that move, from 0");
     }
     if (draft.time.every > 1 && draft.decimation == 1) {
       text +=

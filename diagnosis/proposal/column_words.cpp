@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cmath>
-#include <cstdlib>
 #include <regex>
 #include <span>
 #include <utility>
@@ -14,84 +12,6 @@
 
 namespace graybox {
 namespace {
-
-// Words that are a unit where they end a title, each joined by one blank.
-using UnitWord = std::pair<std::string_view, std::string_view>;
-constexpr auto kUnitWords = std::to_array<UnitWord>({
-    {"rad s", "rad/s"},     {"rad sec", "rad/s"},
-    {"rad per s", "rad/s"}, {"radps", "rad/s"},
-    {"rads", "rad/s"},      {"rad s 2", "rad/s^2"},
-    {"deg s", "deg/s"},     {"deg sec", "deg/s"},
-    {"deg per s", "deg/s"}, {"degps", "deg/s"},
-    {"dps", "deg/s"},       {"degs", "deg/s"},
-    {"deg s 2", "deg/s^2"}, {"rpm", "rpm"},
-    {"1 min", "rpm"},       {"rev min", "rpm"},
-    {"u min", "rpm"},       {"min 1", "rpm"},
-    {"rps", "turn/s"},      {"rev s", "turn/s"},
-    {"turn s", "turn/s"},   {"turns s", "turn/s"},
-    {"m s", "m/s"},         {"mps", "m/s"},
-    {"m per s", "m/s"},     {"m sec", "m/s"},
-    {"mm s", "mm/s"},       {"mm per s", "mm/s"},
-    {"mmps", "mm/s"},       {"in s", "in/s"},
-    {"m s 2", "m/s^2"},     {"m s2", "m/s^2"},
-    {"rad", "rad"},         {"radian", "rad"},
-    {"radians", "rad"},     {"mrad", "mrad"},
-    {"deg", "deg"},         {"degree", "deg"},
-    {"degrees", "deg"},     {"turn", "turn"},
-    {"turns", "turn"},      {"rev", "turn"},
-    {"revs", "turn"},       {"counts", "counts"},
-    {"count", "counts"},    {"cnt", "counts"},
-    {"cnts", "counts"},     {"ticks", "counts"},
-    {"tick", "counts"},     {"inc", "counts"},
-    {"incr", "counts"},     {"increments", "counts"},
-    {"mm", "mm"},           {"um", "um"},
-    {"n m", "N m"},         {"nm", "N m"},
-    {"mnm", "mN m"},        {"mn m", "mN m"},
-    {"knm", "kN m"},        {"kn", "kN"},
-    {"lbf", "lbf"},         {"kip", "kip"},
-    {"newton", "N"},        {"amp", "A"},
-    {"amps", "A"},          {"ampere", "A"},
-    {"ma", "mA"},           {"volt", "V"},
-    {"volts", "V"},         {"mv", "mV"},
-    {"sec", "s"},           {"secs", "s"},
-    {"seconds", "s"},       {"ms", "ms"},
-    {"msec", "ms"},         {"millis", "ms"},
-    {"milliseconds", "ms"}, {"us", "us"},
-    {"usec", "us"},         {"micros", "us"},
-    {"microseconds", "us"}, {"ns", "ns"},
-    {"nsec", "ns"},         {"nanoseconds", "ns"},
-    {"m nm", "mN m"},       {"m n m", "mN m"},
-    {"m a", "mA"},          {"m v", "mV"},
-    {"k n", "kN"},          {"k nm", "kN m"},
-    {"k n m", "kN m"},
-});
-
-// Units that units.hpp has no name for, as a multiple of one that it has.
-struct ScaledUnit {
-  std::string_view words, unit;
-  double factor;
-};
-constexpr double kStandardGravity = 9.80665;
-constexpr auto kScaledUnits = std::to_array<ScaledUnit>({
-    {"cm", "m", 0.01},
-    {"cm s", "m/s", 0.01},
-    {"km h", "m/s", 1.0 / 3.6},
-    {"mrad s", "rad/s", 1e-3},
-    {"m n", "N", 1e-3},
-    {"mn", "N", 1e-3},
-    {"kgf", "N", kStandardGravity},
-    {"kg f", "N", kStandardGravity},
-    {"n cm", "N m", 0.01},
-    {"ncm", "N m", 0.01},
-    {"n mm", "N m", 1e-3},
-    {"nmm", "N m", 1e-3},
-    {"u nm", "N m", 1e-6},
-    {"u n m", "N m", 1e-6},
-    {"kg cm", "N m", 0.01 * kStandardGravity},
-    {"kgf cm", "N m", 0.01 * kStandardGravity},
-    {"u a", "A", 1e-6},
-    {"ua", "A", 1e-6},
-});
 
 struct QuantityWord {
   std::string_view word;
@@ -107,6 +27,9 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"temp", LogQuantity::kOther},
     {"temperature", LogQuantity::kOther},
     {"temperatur", LogQuantity::kOther},
+    {"temperatura", LogQuantity::kOther},
+    {"erreur", LogQuantity::kOther},
+    {"errore", LogQuantity::kOther},
     {"vdc", LogQuantity::kOther},
     {"udc", LogQuantity::kOther},
     {"vbus", LogQuantity::kOther},
@@ -127,6 +50,12 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"timestamp", LogQuantity::kTime},
     {"stamp", LogQuantity::kTime},
     {"zeit", LogQuantity::kTime},
+    {"uhrzeit", LogQuantity::kTime},
+    {"zeitstempel", LogQuantity::kTime},
+    {"temps", LogQuantity::kTime},
+    {"tiempo", LogQuantity::kTime},
+    {"tempo", LogQuantity::kTime},
+    {"horodatage", LogQuantity::kTime},
     {"elapsed", LogQuantity::kTime},
     {"clock", LogQuantity::kTime},
     {"ddq", LogQuantity::kAcceleration},
@@ -136,6 +65,8 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"accel", LogQuantity::kAcceleration},
     {"acceleration", LogQuantity::kAcceleration},
     {"beschleunigung", LogQuantity::kAcceleration},
+    {"aceleracion", LogQuantity::kAcceleration},
+    {"accelerazione", LogQuantity::kAcceleration},
     {"dq", LogQuantity::kVelocity},
     {"qdot", LogQuantity::kVelocity},
     {"dot", LogQuantity::kVelocity},
@@ -151,6 +82,12 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"rate", LogQuantity::kVelocity},
     {"drehzahl", LogQuantity::kVelocity, MotionKind::kRotary},
     {"geschwindigkeit", LogQuantity::kVelocity},
+    {"geschw", LogQuantity::kVelocity},
+    {"vitesse", LogQuantity::kVelocity},
+    {"velocidad", LogQuantity::kVelocity},
+    {"velocita", LogQuantity::kVelocity},
+    {"winkelgeschwindigkeit", LogQuantity::kVelocity, MotionKind::kRotary},
+    {"drehgeschwindigkeit", LogQuantity::kVelocity, MotionKind::kRotary},
     {"omega", LogQuantity::kVelocity, MotionKind::kRotary},
     {"dtheta", LogQuantity::kVelocity, MotionKind::kRotary},
     {"thetadot", LogQuantity::kVelocity, MotionKind::kRotary},
@@ -175,26 +112,46 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"stroke", LogQuantity::kPosition, MotionKind::kLinear},
     {"weg", LogQuantity::kPosition, MotionKind::kLinear},
     {"lage", LogQuantity::kPosition},
+    {"stellung", LogQuantity::kPosition},
+    {"posicion", LogQuantity::kPosition},
+    {"posizione", LogQuantity::kPosition},
+    {"drehwinkel", LogQuantity::kPosition, MotionKind::kRotary},
+    {"angulo", LogQuantity::kPosition, MotionKind::kRotary},
+    {"angolo", LogQuantity::kPosition, MotionKind::kRotary},
+    {"auslenkung", LogQuantity::kPosition, MotionKind::kLinear},
+    {"deplacement", LogQuantity::kPosition, MotionKind::kLinear},
+    {"desplazamiento", LogQuantity::kPosition, MotionKind::kLinear},
+    {"spostamento", LogQuantity::kPosition, MotionKind::kLinear},
     {"tau", LogQuantity::kForce, MotionKind::kRotary},
     {"torque", LogQuantity::kForce, MotionKind::kRotary},
     {"torques", LogQuantity::kForce, MotionKind::kRotary},
     {"trq", LogQuantity::kForce, MotionKind::kRotary},
     {"moment", LogQuantity::kForce, MotionKind::kRotary},
     {"drehmoment", LogQuantity::kForce, MotionKind::kRotary},
+    {"couple", LogQuantity::kForce, MotionKind::kRotary},
+    {"coppia", LogQuantity::kForce, MotionKind::kRotary},
+    {"momento", LogQuantity::kForce, MotionKind::kRotary},
     {"effort", LogQuantity::kForce},
     {"efforts", LogQuantity::kForce},
     {"eff", LogQuantity::kForce},
     {"force", LogQuantity::kForce, MotionKind::kLinear},
     {"kraft", LogQuantity::kForce, MotionKind::kLinear},
+    {"fuerza", LogQuantity::kForce, MotionKind::kLinear},
+    {"forza", LogQuantity::kForce, MotionKind::kLinear},
     {"voltage", LogQuantity::kVoltage},
     {"volt", LogQuantity::kVoltage},
     {"spannung", LogQuantity::kVoltage},
+    {"voltaje", LogQuantity::kVoltage},
+    {"tensione", LogQuantity::kVoltage},
     {"iq", LogQuantity::kCurrent},
     {"current", LogQuantity::kCurrent},
     {"currents", LogQuantity::kCurrent},
     {"curr", LogQuantity::kCurrent},
     {"cur", LogQuantity::kCurrent},
     {"strom", LogQuantity::kCurrent},
+    {"courant", LogQuantity::kCurrent},
+    {"corriente", LogQuantity::kCurrent},
+    {"corrente", LogQuantity::kCurrent},
     {"pwm", LogQuantity::kCommand},
     {"duty", LogQuantity::kCommand},
     {"throttle", LogQuantity::kCommand},
@@ -216,21 +173,25 @@ constexpr auto kLetters = std::to_array<QuantityWord>({
     {"y", LogQuantity::kPosition},
     {"i", LogQuantity::kCurrent},
     {"f", LogQuantity::kForce, MotionKind::kLinear},
+    {"par", LogQuantity::kForce, MotionKind::kRotary},  // a parameter, else
     {"u", LogQuantity::kCommand},
     {"cmd", LogQuantity::kCommand},
 });
 
 // How a signal came to be, and where in the machine it is.
 using Word = std::string_view;
-constexpr auto kReferenceWords =
-    std::to_array<Word>({"ref", "refx", "reference", "des", "desired", "target", "set", "setpoint",
-                         "sp", "goal", "cmd", "command", "commanded", "demand", "soll", "planned"});
+constexpr auto kReferenceWords = std::to_array<Word>(
+    {"ref",      "refx",    "reference", "des",      "desired",  "target",     "set",
+     "setpoint", "sp",      "goal",      "cmd",      "command",  "commanded",  "demand",
+     "soll",     "planned", "sollwert",  "consigne", "consigna", "riferimento"});
 constexpr auto kMeasuredWords = std::to_array<Word>(
-    {"meas", "measured", "act", "actual", "adx", "ad", "fb", "fbk", "feedback", "ist", "sensor"});
+    {"meas", "measured", "act", "actual", "adx", "ad", "fb", "fbk", "feedback", "ist", "sensor",
+     "istwert", "gemessen", "mesure", "mesuree", "medida", "misurata"});
 constexpr auto kFilteredWords = std::to_array<Word>({"filt", "filtered", "smooth", "lp"});
 constexpr auto kLoadWords =
     std::to_array<Word>({"load", "link", "arm", "out", "output", "last", "abtrieb"});
-constexpr auto kMotorWords = std::to_array<Word>({"motor", "mot", "rotor", "drive", "antrieb"});
+constexpr auto kMotorWords = std::to_array<Word>(
+    {"motor", "mot", "rotor", "drive", "antrieb", "antriebs", "moteur", "motore"});
 constexpr auto kLinearWords = std::to_array<Word>({"carriage", "cart", "slide", "linear"});
 // Others that stand in brackets and are no unit.
 constexpr auto kNoteWords = std::to_array<Word>(
@@ -246,86 +207,6 @@ using Words = std::vector<std::string>;
 bool has_any(const Words& words, std::span<const std::string_view> list) {
   return std::ranges::any_of(
       words, [&](const std::string& word) { return std::ranges::find(list, word) != list.end(); });
-}
-
-void replace_all(std::string& text, std::string_view from, std::string_view to) {
-  std::string result;
-  std::size_t begin = 0;
-  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, begin)) {
-    result.append(text, begin, at - begin).append(to);
-    begin = at + from.size();
-  }
-  result.append(text, begin);
-  text = std::move(result);
-}
-
-// Signs of units as letters.
-std::string spelled_out(std::string_view text) {
-  std::string result(text);
-  replace_all(result, "\xC2\xB0", " deg ");  // degree sign
-  replace_all(result, "\xC2\xB5", "u");      // micro sign
-  replace_all(result, "\xCE\xBC", "u");      // mu
-  replace_all(result, "\xC2\xB2", "2");      // squared
-  replace_all(result, "\xB0", " deg ");      // degree sign, Latin 1
-  return result;
-}
-
-std::string joined_words(std::span<const std::string> words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : " ") + word;
-  return text;
-}
-
-WrittenUnit unit_of_words(std::string_view words) {
-  for (const auto& [written, unit] : kUnitWords) {
-    if (written == words) return {std::string(unit), 1.0};
-  }
-  for (const ScaledUnit& row : kScaledUnits) {
-    if (row.words == words) return {std::string(row.unit), row.factor};
-  }
-  return {};
-}
-
-// A unit without a number.
-WrittenUnit plain_unit(const std::string& text) {
-  const std::string plain(trimmed(text));
-  if (find_unit(plain) != nullptr) return {plain, 1.0};
-  return unit_of_words(joined_words(words_of(plain)));
-}
-
-// "1e-3", "0.1", "10^-3"; 0 for what is no number above zero.
-double number_above_zero(const std::string& text) {
-  const std::size_t power = text.find('^');
-  const std::string digits = power == std::string::npos ? text : text.substr(power + 1);
-  char* end = nullptr;
-  const double value = std::strtod(digits.c_str(), &end);
-  if (end == digits.c_str() || *end != '\0') return 0.0;
-  const double number = power == std::string::npos ? value : std::pow(10.0, value);
-  return std::isfinite(number) && number > 0.0 ? number : 0.0;
-}
-
-// A unit with a number before or behind it.
-WrittenUnit unit_with_factor(const std::string& text) {
-  static const std::string kNumber = R"((10\^[-+]?\d{1,2}|\d+\.?\d*(?:[eE][-+]?\d{1,2})?|\.\d+))";
-  static const std::regex kBefore("^[xX*]?\\s*" + kNumber + "\\s*[xX*]?\\s*([^0-9\\s].*)$"),
-      kBehind("^(.*[^\\s])\\s*([*/]|\\s[xX])\\s*" + kNumber + "$");
-  std::smatch match;
-  constexpr std::size_t kLongest = 40;
-  if (text.size() > kLongest) return {};
-  double number = 0.0;
-  std::string rest;
-  if (std::regex_match(text, match, kBefore)) {
-    number = number_above_zero(match[1].str());
-    rest = match[2].str();
-  } else if (std::regex_match(text, match, kBehind)) {
-    number = number_above_zero(match[3].str());
-    if (match[2].str() == "/" && number > 0.0) number = 1.0 / number;
-    rest = match[1].str();
-  }
-  if (!(number > 0.0)) return {};
-  WrittenUnit unit = plain_unit(rest);
-  unit.factor *= number;
-  return unit;
 }
 
 // A capital A, N or V, or a small m or s, that ends a title is a unit beside a quantity it fits.
@@ -371,6 +252,29 @@ bool begins_as_factor(const std::string& text) {
   return text.size() <= kLongest && std::regex_match(text, kFactor);
 }
 
+// "Istposition", "Motorstrom": two words in one, what or where a signal is and its quantity.
+Words without_compounds(const Words& words) {
+  static constexpr auto kFirst =
+      std::to_array<Word>({"ist", "soll", "motor", "last", "antriebs", "load", "act", "actual"});
+  Words parts;
+  for (const std::string& word : words) {
+    const auto names = [&](std::size_t from) {
+      return std::ranges::any_of(kQuantityWords, [&](const QuantityWord& row) {
+        return row.word == std::string_view(word).substr(from);
+      });
+    };
+    const auto first = std::ranges::find_if(
+        kFirst, [&](Word each) { return word.starts_with(each) && names(each.size()); });
+    if (first == kFirst.end() || names(0)) {
+      parts.push_back(word);
+      continue;
+    }
+    parts.emplace_back(*first);
+    parts.push_back(word.substr(first->size()));
+  }
+  return parts;
+}
+
 // Takes the number in brackets behind an array's name, and the unit in brackets.
 std::string without_brackets(std::string_view title, ColumnWords& result) {
   std::string text(title);
@@ -399,27 +303,6 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
     text.erase(first, last - first + 1);
   }
   return text;
-}
-
-// Words with the capitals as they were.
-Words words_as_written(std::string_view title) {
-  Words words;
-  std::string word;
-  const auto close = [&] {
-    if (!word.empty()) words.push_back(word);
-    word.clear();
-  };
-  unsigned char before = ' ';
-  for (const char each : title) {
-    const auto c = static_cast<unsigned char>(each);
-    const bool breaks = (std::isdigit(c) != 0) != (std::isdigit(before) != 0) ||
-                        (std::isupper(c) != 0 && std::islower(before) != 0);
-    if (std::isalnum(c) == 0 || breaks) close();
-    if (std::isalnum(c) != 0) word += each;
-    before = c;
-  }
-  close();
-  return words;
 }
 
 // The unit that the last words are; these go.
@@ -528,33 +411,7 @@ void read_manner(const Words& words, ColumnWords& result) {
   }
 }
 
-Words in_lower_case(Words words) {
-  for (std::string& word : words) {
-    std::ranges::transform(word, word.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  }
-  return words;
-}
-
 }  // namespace
-
-std::vector<std::string> words_of(std::string_view title) {
-  return in_lower_case(words_as_written(spelled_out(title)));
-}
-
-WrittenUnit written_unit(std::string_view text) {
-  std::string plain = spelled_out(trimmed(text));
-  const WrittenUnit unit = plain_unit(plain);
-  if (!unit.unit.empty()) return unit;
-  replace_all(plain, "\xC3\x97", "*");  // times
-  replace_all(plain, "\xC2\xB7", " ");  // middle dot
-  return unit_with_factor(std::string(trimmed(plain)));
-}
-
-std::string unit_as_written(std::string_view text) {
-  const WrittenUnit unit = written_unit(text);
-  return unit.factor == 1.0 ? unit.unit : std::string();
-}
 
 LogQuantity quantity_of_unit(std::string_view unit) {
   const Unit* known = find_unit(unit);
@@ -632,11 +489,14 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
   if (stated.unit.empty() && !is_note(std::string(stated_unit), true)) {
     result.odd_unit = trimmed(stated_unit);
   }
-  Words written = words_as_written(without_brackets(spelled_out(title), result));
+  std::string text = without_brackets(spelled_out(title), result);
+  replace_all(text, " in ", " ");  // "Zeit in s" is in no inch a second
+  const Words written = words_as_written(text);
   Words words = in_lower_case(written);
   take_unit_words(words, result);
-  read_quantity(words, result);
   const std::string last = words.empty() ? "" : written[words.size() - 1];
+  words = without_compounds(words);
+  read_quantity(words, result);
   if (result.unit.empty() && result.odd_unit.empty() && words.size() > 1) {
     result.unit = unit_letter(last, result);
   }

@@ -1,7 +1,8 @@
 // What a column's title says by itself: "joint_1_pos [deg]" is the position of number 1 in degrees.
 //
 // A title is cut into words at signs, at capitals within it and between letters and digits.
-// Unit and quantity are words of a table (English and German, as loggers and drives write them).
+// Unit and quantity are words of a table (English and German, the commonest in French, Spanish and
+// Italian, as loggers and drives write them).
 // Letters alone ("q", "v", "u") count, but are not `sure`: data may correct them. The file's name
 // is read the same way where a title has no quantity ("Joint_1" in pos_read_data.csv).
 //
@@ -18,6 +19,9 @@
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "diagnosis/recording_files/title_words.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 
 namespace graybox {
 
@@ -55,17 +59,6 @@ struct ColumnWords {
 // `stated_unit` is what the file says (RecordedColumn::unit), or empty.
 [[nodiscard]] ColumnWords read_column_words(std::string_view title, std::string_view stated_unit);
 
-// A unit with a factor: "0.1 deg" is {deg, 0.1}. An empty unit: none that is known.
-struct WrittenUnit {
-  std::string unit;
-  double factor = 1.0;
-};
-[[nodiscard]] WrittenUnit written_unit(std::string_view text);
-
-// The unit that people write like that ("Nm", "1/min", "°/s", "sec"), as units.hpp calls it; empty
-// if there is none.
-[[nodiscard]] std::string unit_as_written(std::string_view text);
-
 // What a unit is of; kUnknown for "1" and others that may be anything.
 [[nodiscard]] LogQuantity quantity_of_unit(std::string_view unit);
 [[nodiscard]] MotionKind motion_of_unit(std::string_view unit);
@@ -74,9 +67,6 @@ struct WrittenUnit {
 
 // "position", "velocity", ... as in `--column NAME=position`.
 [[nodiscard]] const char* name_of(LogQuantity quantity);
-
-// Words of a title in lower case: "arm1Pos" is arm, 1, pos.
-[[nodiscard]] std::vector<std::string> words_of(std::string_view title);
 
 [[nodiscard]] inline bool drives(LogQuantity quantity) {
   return quantity == LogQuantity::kForce || quantity == LogQuantity::kCurrent ||

@@ -7,11 +7,13 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/text_lines.hpp"
@@ -48,6 +50,12 @@ Eigen::Index usual_length(const RecordingFile& file) {
 
 ColumnWords words_with_file(const RecordedColumn& column, const ColumnWords& file) {
   ColumnWords words = read_column_words(column.name, column.unit);
+  if (!column.origin.empty()) {
+    words.quantity = LogQuantity::kTime;
+    words.sure = true;
+    words.odd_unit.clear();
+    return words;
+  }
   if (words.quantity != LogQuantity::kUnknown || !file.sure ||
       file.quantity == LogQuantity::kOther || file.quantity == LogQuantity::kTime) {
     return words;
@@ -70,6 +78,7 @@ LogFile read_log(const std::filesystem::path& path) {
         {0, column.name, column.unit, words, words.unit_factor * column.values, false, ""});
     log.columns.back().number = column.number;
     log.columns.back().file_name = path.filename().string();
+    log.columns.back().origin = column.origin;
   }
   log.remarks = std::move(file.remarks);
   return log;
@@ -187,6 +196,78 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
   if (names.size() > kMost) names = names.substr(0, kMost) + "...";
   throw InputError(fmt::format("--column {}=...: {} has no such column; there are {}", answer.names,
                                recording.files.front().string(), names));
+}
+
+// Rows behind which the clock begins anew: it falls by many steps. Empty where it rises all the
+// way, and where it stands still or falls otherwise.
+std::vector<Eigen::Index> restarts_of(const Eigen::VectorXd& times) {
+  constexpr double kFarBack = 20.0;  // median steps
+  if (times.size() < 2 || !times.allFinite()) return {};
+  const Eigen::VectorXd steps = times.tail(times.size() - 1) - times.head(times.size() - 1);
+  const double far_back = -kFarBack * std::abs(quantile(steps, 0.5));
+  std::vector<Eigen::Index> restarts;
+  for (Eigen::Index k = 0; k < steps.size(); ++k) {
+    if (steps(k) > 0.0) continue;
+    if (!(steps(k) < far_back)) return {};
+    restarts.push_back(k);
+  }
+  return restarts;
+}
+
+// The clock that begins anew; null where there is none, or where another one rises all the way.
+const LogColumn* restarting_clock(const LogRecording& recording) {
+  const LogColumn* found = nullptr;
+  for (const LogColumn& column : recording.columns) {
+    if (column.words.quantity != LogQuantity::kTime || column.values.size() < 2) continue;
+    const Eigen::Index n = column.values.size() - 1;
+    if ((column.values.tail(n).array() > column.values.head(n).array()).all()) return nullptr;
+    if (found == nullptr && !restarts_of(column.values).empty()) found = &column;
+  }
+  return found;
+}
+
+LogRecording part_of(const LogRecording& whole, Eigen::Index first, Eigen::Index last) {
+  LogRecording part = whole;
+  part.is_part = true;
+  part.first_row = first;
+  for (LogColumn& column : part.columns) {
+    column.values = column.values.segment(first, last - first + 1).eval();
+  }
+  return part;
+}
+
+// A recording in which the clock begins anew is several; those with too few samples leave.
+void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::string>* remarks) {
+  std::vector<LogRecording> all;
+  for (LogRecording& recording : recordings) {
+    const LogColumn* clock = restarting_clock(recording);
+    std::vector<LogRecording> parts;
+    if (clock != nullptr) {
+      Eigen::Index first = 0;
+      std::vector<Eigen::Index> ends = restarts_of(clock->values);
+      ends.push_back(recording.samples() - 1);
+      for (const Eigen::Index last : ends) {
+        if (last - first + 1 >= kFewestSamples) parts.push_back(part_of(recording, first, last));
+        first = last + 1;
+      }
+    }
+    if (parts.size() < 2) {
+      all.push_back(std::move(recording));
+      continue;
+    }
+    if (remarks != nullptr) {
+      std::string rows;
+      for (const LogRecording& part : parts) {
+        rows += fmt::format("{}{} to {}", rows.empty() ? "" : ", ", part.first_row + 1,
+                            part.first_row + part.samples());
+      }
+      remarks->push_back(fmt::format("{}: '{}' begins anew within the file: {} recordings, rows {}",
+                                     recording.files[clock->file].filename().string(), clock->name,
+                                     parts.size(), rows));
+    }
+    std::ranges::move(parts, std::back_inserter(all));
+  }
+  recordings = std::move(all);
 }
 
 // A drive may be constant in each log and another in the next: steps from rest.
@@ -329,6 +410,12 @@ bool LogColumn::counts_rows() const {
 
 bool LogColumn::has_gaps() const { return !values.allFinite(); }
 
+std::string LogRecording::label() const {
+  const std::string name = files.front().filename().string();
+  if (!is_part) return name;
+  return fmt::format("{}, rows {} to {}", name, first_row + 1, first_row + samples());
+}
+
 const LogColumn& LogRecording::at(std::size_t file, const std::string& name) const {
   for (const LogColumn& column : columns) {
     if (column.file == file && column.name == name) return column;
@@ -411,6 +498,7 @@ std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& fi
   for (LogRecording& recording : recordings) {
     for (const ColumnAnswer& answer : answers) apply(answer, recording);
   }
+  split_at_restarts(recordings, remarks);
   mark_differences(recordings);
   return recordings;
 }

@@ -2,8 +2,8 @@
 //
 // Files of one length whose columns complement each other are one recording (positions in one file,
 // efforts in another). Files with the same columns are recordings of their own. Columns of another
-// length than most (constants in a MAT file) are left out. Where a title has no quantity, the name
-// of its file may have one.
+// length than most (constants in a MAT file) are left out. Where a file's clock begins anew, each
+// run is a recording. Where a title has no quantity, the name of its file may have one.
 //
 //   std::vector<LogRecording> logs = read_logs({"run_1.csv", "run_2.csv"}, {});
 //   logs[0].columns[1].words.quantity
@@ -32,6 +32,7 @@ struct LogColumn {
   bool differs_between_logs = false;  // one value in each log, not the same in all
   std::string number = {};            // "3", which names it, too, where names stood in a comment
   std::string file_name = {};         // for messages
+  std::string origin = {};            // of a time that was not read as a number
 
   [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
@@ -43,7 +44,12 @@ struct LogRecording {
   std::vector<std::string> keys;  // one a file: "position", ...; a single file has ""
   std::vector<LogColumn> columns;
   std::optional<double> sample_time;  // s, as a file states it
+  // A part of its files, from that row on (0: the first), where their clock begins anew.
+  bool is_part = false;
+  Eigen::Index first_row = 0;
 
+  // "log.csv", or "log.csv, rows 501 to 900".
+  [[nodiscard]] std::string label() const;
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
   // The column of that name in that file. Throws InputError naming the file where it is missing.
   [[nodiscard]] const LogColumn& at(std::size_t file, const std::string& name) const;

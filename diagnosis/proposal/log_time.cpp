@@ -24,6 +24,12 @@ Eigen::Index first_fall(const Eigen::VectorXd& times) {
   return -1;
 }
 
+// Never falls, though it doesn't rise.
+bool stands_still(const Eigen::VectorXd& times) {
+  const Eigen::Index n = times.size() - 1;
+  return (times.tail(n).array() >= times.head(n).array()).all();
+}
+
 bool counts_samples(const Eigen::VectorXd& values) {
   return (values.tail(values.size() - 1) - values.head(values.size() - 1)).isOnes(0.0);
 }
@@ -46,6 +52,13 @@ const LogColumn* time_column(const LogRecording& recording) {
     if (column.words.quantity != LogQuantity::kTime) continue;
     if (first_fall(column.values) < 0) return &column;
     if (falls == nullptr && column.moves()) falls = &column;
+  }
+  if (falls != nullptr && stands_still(falls->values)) {
+    throw InputError(fmt::format(
+        "{}: column '{}': times must rise, and behind row {} they stand still: the stamps are too "
+        "coarse; say --column '{}=ignore' and --sample-time",
+        recording.files[falls->file].string(), falls->name,
+        recording.first_row + first_fall(falls->values) + 1, falls->name));
   }
   if (falls != nullptr) {
     throw InputError(fmt::format(
@@ -87,7 +100,9 @@ void find_unit_of_time(const LogRecording& recording, const LogColumn& column, L
   if (!time.odd_unit.empty()) return;
   if (quantity_of_unit(column.words.unit) == LogQuantity::kTime) {
     time.unit = column.words.unit;
-    time.why = column.answered ? "you said so" : "its title";
+    time.why = column.answered         ? "you said so"
+               : column.origin.empty() ? "its title"
+                                       : column.origin;
   } else if (time.unit = unit_of_epoch(column.values(0)); !time.unit.empty()) {
     time.why = "stamps since 1970";
   } else if (time.unit = time_unit_by_rates(recording, time.median_step); !time.unit.empty()) {

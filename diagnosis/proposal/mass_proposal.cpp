@@ -208,7 +208,8 @@ class MassProposal {
     if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};
     if (quantity == LogQuantity::kForce && moves_linearly) units = {"N", "kN", "N m"};
     if (quantity == LogQuantity::kVoltage) units = {"V", "mV"};
-    if (quantity == LogQuantity::kCommand) units = {"V", "A", "%", "1"};
+    if (quantity == LogQuantity::kCommand) units = {"V", "A", "1"};
+    units.emplace_back("%");
     const bool is_torque = quantity == LogQuantity::kForce && !moves_linearly &&
                            drive_->words.motion == MotionKind::kRotary;
     proposal_.questions.push_back(
@@ -573,7 +574,7 @@ class MassProposal {
     const bool is_one = recordings_.size() == 1;
     if (request_.split == SplitPlan::kNoValidation) return guess("kept out", "nothing", few);
     if (!is_one) {
-      guess("kept out", recordings_.back().files.front().filename().string(), "checks the fit");
+      guess("kept out", recordings_.back().label(), "checks the fit");
     } else if (request_.split == SplitPlan::kMostInFit) {
       guess("kept out", "the last quarter", "checks the fit; " + few);
     } else if (blocks_.count > 2) {

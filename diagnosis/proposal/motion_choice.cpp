@@ -345,6 +345,10 @@ OpenQuestion question_of_unit(const LogColumn& column, const std::string& quanti
   question.about = column.name;
   question.option = fmt::format("--column '{}={}:{}', say; a factor before it: '{}:0.1 {}'",
                                 column.name, quantity, units.front(), quantity, units.front());
+  if (drives(column.words.quantity)) {
+    question.option += fmt::format(
+        "; any unit will do for a drive, also a share of what it is rated for: '{}:%'", quantity);
+  }
   for (const std::string& unit : units) {
     question.choices.push_back({unit, {fmt::format("{}={}:{}", column.name, quantity, unit)}});
   }

@@ -369,9 +369,7 @@ class RobotProposal {
     draft_.experiments = draft_experiments(recordings_, decisive, false, draft_.time.sample_time);
     guess_forces();
     guess_filter(decisive);
-    guess("kept out",
-          recordings_.size() > 1 ? recordings_.back().files.front().filename().string()
-                                 : "the second half",
+    guess("kept out", recordings_.size() > 1 ? recordings_.back().label() : "the second half",
           "checks the fit");
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <set>
@@ -12,12 +13,17 @@
 #include <vector>
 
 #include "diagnosis/recording_files/recording_formats.hpp"
+#include "diagnosis/recording_files/time_stamp.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/shortened.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/text_lines.hpp"
 
 namespace graybox::formats {
 namespace {
+
+constexpr std::size_t kShownOfField = 40;
 
 // "speed [rpm]" or "speed (rpm)" is the column speed in rpm.
 RecordedColumn titled(std::string_view title) {
@@ -96,18 +102,7 @@ void leave_out_equal_times(RecordingFile& file) {
   });
 }
 
-// "Nm" is "N m".
-std::string without_blanks(std::string_view text) {
-  std::string result(text);
-  std::erase(result, ' ');
-  return result;
-}
-
-bool is_unit(std::string_view field) {
-  return field != "1" && std::ranges::any_of(known_units(), [&](const Unit& unit) {
-           return without_blanks(unit.name) == without_blanks(field);
-         });
-}
+bool is_unit(std::string_view field) { return field != "1" && !unit_as_written(field).empty(); }
 
 // The fields of a line of units, without their brackets; empty where it is none: one of its fields
 // is a unit that is known, and none is a number. Others may be units that graybox does not know.
@@ -126,19 +121,48 @@ std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
   return any ? units : std::vector<std::string>{};
 }
 
+// What a column has held so far: numbers or time stamps.
+struct ColumnContent {
+  StampColumn stamps;
+  bool has_numbers = false;
+};
+
 // An empty field and an error of Excel are samples that are not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
-                 std::string_view field) {
+                 std::string_view field, ColumnContent& content) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   if (field.empty()) return kNone;
   for (const std::string_view error :
        {"#VALUE!", "#DIV/0!", "#N/A", "#NUM!", "#REF!", "#NAME?", "#NULL!"}) {
     if (field == error) return kNone;
   }
-  // What stands in a column without a name is a note.
   double number = kNone;
-  if (column.empty()) return parse_number(field, number) ? number : kNone;
+  StampColumn& stamps = content.stamps;
+  if (parse_number(field, number) && (!stamps.has_any() || std::isnan(number))) {
+    content.has_numbers = content.has_numbers || !std::isnan(number);
+    return number;
+  }
+  if (!content.has_numbers && stamps.take(field, number)) return number;
+  // What stands in a column without a name is a note.
+  if (column.empty()) return kNone;
+  if (stamps.has_any()) {
+    throw InputError(
+        fmt::format("{}: line {}, column '{}': '{}' is no time stamp like the first, {}", path,
+                    line, column, shortened(std::string(field), kShownOfField), stamps.first()));
+  }
   return number_in_table(path, line, fmt::format("'{}'", column), field);
+}
+
+// Numbers and time stamps, with one number at least: a day alone may be a title's.
+bool is_line_of_numbers(const std::vector<std::string_view>& fields) {
+  double number = 0.0;
+  bool any = false;
+  for (const std::string_view field : fields) {
+    const bool is_number = parse_number(field, number);
+    any = any || is_number || field.empty();
+    if (!is_number && !field.empty() && !parse_time_stamp(field)) return false;
+  }
+  return any;
 }
 
 struct NumberedLine {
@@ -181,11 +205,7 @@ class TableLines {
         continue;
       }
       FieldSplitter splitter(line);
-      const std::vector<std::string_view>& fields = splitter.split(line);
-      double number = 0.0;
-      ends_in_numbers_ = std::ranges::all_of(fields, [&](std::string_view field) {
-        return field.empty() || parse_number(field, number);
-      });
+      ends_in_numbers_ = is_line_of_numbers(splitter.split(line));
       head_.push_back({std::string(line), lines_.number()});
     }
     if (comment_.empty()) comment_ = lines_.comment();
@@ -310,6 +330,45 @@ void name_or_drop_unnamed(RecordingFile& file) {
       "{}: without a name and with hardly any number, so left out: column {}", file.path, dropped));
 }
 
+// Where blanks separate, a day and the time of day behind it are two fields; whether they are to be
+// one, since the header names one column less.
+bool has_day_apart(const std::vector<std::string_view>& fields, std::size_t named,
+                   std::string_view line) {
+  if (fields.size() != named + 1 || line.find_first_of(";,\t") != std::string_view::npos) {
+    return false;
+  }
+  const auto day = parse_time_stamp(fields[0]), time = parse_time_stamp(fields[1]);
+  return day && time && day->kind == TimeStamp::Kind::kDay &&
+         time->kind == TimeStamp::Kind::kTimeOfDay;
+}
+
+// The first two fields as one.
+std::vector<std::string_view> with_day_joined(const std::vector<std::string_view>& fields) {
+  std::vector<std::string_view> joined(fields.begin() + 1, fields.end());
+  const char* end = fields[1].data() + fields[1].size();
+  joined[0] = {fields[0].data(), static_cast<std::size_t>(end - fields[0].data())};
+  return joined;
+}
+
+// Stamps are times in s. A column of days and one with the time of day are one time.
+void take_stamps(const std::vector<ColumnContent>& contents, RecordingFile& file) {
+  std::vector<std::size_t> days, times;
+  for (std::size_t k = 0; k < contents.size(); ++k) {
+    const StampColumn& stamps = contents[k].stamps;
+    if (!stamps.has_any()) continue;
+    file.columns[k].unit = "s";
+    file.columns[k].origin = stamps.description();
+    if (stamps.kind() == TimeStamp::Kind::kDay) days.push_back(k);
+    if (stamps.kind() == TimeStamp::Kind::kTimeOfDay) times.push_back(k);
+  }
+  if (days.size() != 1 || times.size() != 1) return;
+  constexpr double kDay = 86400.0;
+  const auto within_day = [](double time) { return std::fmod(time, kDay); };
+  RecordedColumn& time = file.columns[times.front()];
+  time.values = time.values.unaryExpr(within_day) + file.columns[days.front()].values;
+  file.columns.erase(file.columns.begin() + static_cast<std::ptrdiff_t>(days.front()));
+}
+
 // Words where numbers should begin: what was taken for the header may be a title.
 void refuse_words(const std::string& path, std::size_t line,
                   const std::vector<std::string_view>& fields) {
@@ -338,16 +397,22 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   more = read_header(lines, line, splitter, file);
   if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
   const std::size_t named = file.columns.size();
-  if (more) name_the_rest(splitter.split(line).size(), file);
+  const bool joins_day = more && has_day_apart(splitter.split(line), named, line);
+  if (more && !joins_day) name_the_rest(splitter.split(line).size(), file);
+  std::vector<std::string_view> joined;
   std::vector<std::vector<double>> values(file.columns.size());
+  std::vector<ColumnContent> contents(file.columns.size());
   for (; more; more = lines.next(line)) {
-    const auto& fields = splitter.split(line);
+    const std::vector<std::string_view>& split = splitter.split(line);
+    const std::vector<std::string_view>& fields =
+        joins_day && split.size() > 1 ? joined = with_day_joined(split) : split;
     if (fields.size() != values.size()) {
       throw InputError(fmt::format("{}: line {}: {} fields, but there are {} columns", path,
                                    lines.number(), fields.size(), values.size()));
     }
     for (std::size_t k = 0; k < values.size(); ++k) {
-      values[k].push_back(sample_in(path, lines.number(), file.columns[k].name, fields[k]));
+      values[k].push_back(
+          sample_in(path, lines.number(), file.columns[k].name, fields[k], contents[k]));
     }
   }
   if (values.front().empty()) throw InputError(path + ": there is a header and no numbers");
@@ -356,6 +421,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
   tell_the_rest(named, file);
+  take_stamps(contents, file);
   leave_out_equal_times(file);
   name_or_drop_unnamed(file);
   if (file.columns.empty()) throw InputError(path + ": no column has a name or numbers");

@@ -54,14 +54,16 @@ void RecordColumns::add_value(const std::string& name, const Json& value, int de
     return;
   }
   Values& values = column(name);
-  values.has_text = values.has_text || value.is_string();
+  double number = kMissing;
+  const bool is_stamp = value.is_string() && !values.has_text &&
+                        values.stamps.take(value.get_ref<const std::string&>(), number);
+  values.has_text = values.has_text || (value.is_string() && !is_stamp);
   values.has_numbers = values.has_numbers || value.is_number() || value.is_boolean();
-  if (values.has_text && values.has_numbers) {
+  if ((values.has_text || values.stamps.has_any()) && values.has_numbers) {
     fail(fmt::format("'{}' holds text in one record and a number in another; write numbers or null",
                      name));
   }
   if (values.numbers.size() > records_) fail(fmt::format("'{}' is there twice", name));
-  double number = kMissing;
   if (value.is_boolean()) number = value.get<bool>() ? 1.0 : 0.0;
   if (value.is_number()) number = value.get<double>();
   values.numbers.push_back(number);
@@ -77,10 +79,14 @@ std::vector<RecordedColumn> RecordColumns::columns() const {
   std::vector<RecordedColumn> columns;
   for (const std::string& name : names_) {
     const Values& values = values_.at(name);
-    if (!values.has_numbers) continue;
+    const bool are_stamps = values.stamps.has_any() && !values.has_text;
+    if (!values.has_numbers && !are_stamps) continue;
     Eigen::VectorXd all = Eigen::VectorXd::Constant(static_cast<Eigen::Index>(records_), kMissing);
     std::copy(values.numbers.begin(), values.numbers.end(), all.begin());
     columns.push_back({name, {}, std::move(all)});
+    if (!are_stamps) continue;
+    columns.back().unit = "s";
+    columns.back().origin = values.stamps.description();
   }
   return columns;
 }

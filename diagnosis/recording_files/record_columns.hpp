@@ -2,8 +2,8 @@
 //
 // A key of a record is a column; keys within keys are "joint.q", numbers of an array "joint.q[1]".
 // A key that a record lacks, and null, are NaN there; true and false are 1 and 0. Keys that hold
-// text are no columns; one that holds text here and numbers there is refused with the record's
-// number. Memory: the columns. Cost: a look-up a value.
+// text are no columns, but for time stamps; one that holds text here and numbers there is refused
+// with the record's number. Memory: the columns. Cost: a look-up a value.
 #pragma once
 
 #include <cstddef>
@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recording_files/time_stamp.hpp"
 
 namespace graybox::formats {
 
@@ -29,6 +30,7 @@ class RecordColumns {
  private:
   struct Values {
     std::vector<double> numbers;
+    StampColumn stamps = {};
     bool has_text = false, has_numbers = false;
   };
   void add_value(const std::string& name, const nlohmann::json& value, int depth);

@@ -6,6 +6,7 @@
 
 #include "diagnosis/recording_files/gzip_text.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
+#include "diagnosis/recording_files/time_parts.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
 
@@ -109,6 +110,7 @@ RecordingFile read_recording_file(const std::filesystem::path& path) {
   const std::string name = path.string();
   { const InputFile present(name); }  // missing, a folder, empty
   RecordingFile file = read_by_ending(path, name);
+  formats::join_time_parts(file);
   if (file.columns.empty()) {
     if (!file.unclear_arrays.empty()) fail_unclear(file, file.unclear_arrays.front());
     throw InputError(name + ": there are no columns of numbers");

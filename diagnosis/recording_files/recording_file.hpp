@@ -15,6 +15,9 @@
 //   .jsonl .ndjson  a record a line
 //   .csv.gz ... any of the texts above, packed with gzip
 //
+// Time stamps (time_stamp.hpp) are seconds, and so are whole seconds with nanoseconds beside them
+// (time_parts.hpp).
+//
 // Column k of an array with two axes is "name[k]", k from 1. Time runs along the longer axis, which
 // must be at least twice the shorter: a column of an array that leaves it open is refused, not
 // guessed.
@@ -34,6 +37,7 @@ struct RecordedColumn {
   std::string unit;  // as the file states it; empty if it doesn't
   Eigen::VectorXd values;
   std::string number = {};  // "3", which names it, too, where names stood in a comment
+  std::string origin = {};  // of a time: the stamps, or the two columns, that it was read from
 };
 
 // Whether a name is a column's whole title, its unit in brackets included: "Force [V]" of the

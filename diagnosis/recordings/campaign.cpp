@@ -8,6 +8,7 @@
 #include <set>
 #include <string_view>
 
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "diagnosis/recordings/preprocess_fields.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/environment_text.hpp"
@@ -20,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const Unit& unit_in(const YamlField& field) {
-  const Unit* unit = find_unit(field.text());
+  const Unit* unit = find_unit(unit_as_written(field.text()));
   if (unit == nullptr) {
     field.fail(fmt::format("unknown unit '{}'; known: {}", field.text(), known_unit_names()));
   }

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "diagnosis/recordings/data_faults.hpp"
 #include "diagnosis/recordings/fault_mending.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
@@ -65,9 +66,21 @@ bool equal_lengths(const std::vector<ChannelColumn>& columns, ExperimentRecordin
   return true;
 }
 
+// Whether the file's unit is the channel's, or one with a factor ("0.1 deg") that its gain has.
+bool is_unit_of_channel(const std::string& stated, const Channel& channel) {
+  if (is_same_unit(stated, channel.recorded_unit)) return true;
+  const WrittenUnit written = written_unit(stated);
+  if (written.unit != channel.recorded_unit) return false;
+  constexpr double kRounding = 1e-6;
+  const double factor = written.factor * find_unit(written.unit)->factor;
+  return std::abs(channel.factor - factor) <= kRounding * std::abs(factor);
+}
+
 void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRecording& recording) {
   for (const auto& [channel, column, file] : columns) {
-    if (column->unit.empty() || column->unit == channel->recorded_unit) continue;
+    if (column->unit.empty() || is_unit_of_channel(column->unit, *channel)) {
+      continue;
+    }
     // Who names the column by its whole title has seen the unit, and says that it is another.
     if (is_whole_title(channel->column, column->name, column->unit)) {
       add_warning(recording, "unit",

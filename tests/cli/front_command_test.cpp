@@ -69,6 +69,7 @@ class FrontDoor : public testing::CommandRunner {
     std::string name, description;
     bool is_required = false, is_positional = false;
     std::string type = {};  // "TEXT", "UINT:POSITIVE", "TEXT:{c,csv,urdf}"
+    bool is_repeatable = false;
     // A value that it takes.
     [[nodiscard]] std::string value() const {
       if (type == "TEXT") return "other";
@@ -103,6 +104,7 @@ class FrontDoor : public testing::CommandRunner {
                            .is_required = parts[2].str().find("REQUIRED") != std::string::npos,
                            .is_positional = is_positional});
         const std::string type = parts[2];
+        options.back().is_repeatable = type.find(" ...") != std::string::npos;
         options.back().type = type.substr(0, type.find_first_of("= ", 1)).erase(0, 1);
       } else if (line.empty() && !options.empty()) {
         options.push_back({.name = {}, .description = "-"});  // nothing goes on
@@ -334,6 +336,29 @@ TEST_F(FrontDoor, EmptyValuesAreRefused) {
     }
   }
   EXPECT_GT(options, 80U);
+}
+
+// An option that may be repeated takes one value each time: what stands behind it is an argument,
+// and the command says the same as with the option at its end.
+TEST_F(FrontDoor, RepeatableOptionsSwallowNoArgument) {
+  std::size_t pairs = 0;
+  for (const std::string& command : all_commands()) {
+    std::string arguments;
+    const std::vector<StatedOption> options = options_of(command);
+    for (const StatedOption& each : options) arguments += each.is_positional ? " input" : "";
+    if (arguments.empty()) continue;
+    for (const StatedOption& option : options) {
+      if (option.is_positional || !option.is_repeatable) continue;
+      ++pairs;
+      const std::string stated = " " + option.name + " " + option.value();
+      // Twice: CLI11 leaves as many words at the end as there are arguments.
+      const Outcome before = graybox(command + stated + arguments + stated),
+                    behind = graybox(command + arguments + stated + stated);
+      EXPECT_EQ(before.err, behind.err) << command << stated;
+      EXPECT_EQ(before.exit_code, behind.exit_code) << command << stated;
+    }
+  }
+  EXPECT_GT(pairs, 8U);
 }
 
 // Devices may be named as often as one likes.

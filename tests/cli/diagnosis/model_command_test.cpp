@@ -55,6 +55,13 @@ class Model : public testing::CommandRunner {
     ADD_FAILURE() << verdict.dump(1).substr(0, 2000);
   }
 
+  // The line of model.yaml with the masses that a fit begins with.
+  std::string start_masses(const std::string& folder) {
+    const std::string text = read_text(folder_.file(folder + "/model.yaml"));
+    const std::size_t at = text.find("masses:");
+    return at == std::string::npos ? "" : text.substr(at, text.find('\n', at) - at);
+  }
+
   bool is_there(const std::string& file) { return std::filesystem::exists(folder_.file(file)); }
 };
 
@@ -85,6 +92,61 @@ TEST_F(Model, AMotorsLogGoesStraightToTheSameLaws) {
   const Json verdict = diagnosis("axis");
   expect_dry_friction(verdict, 0.05);
   EXPECT_EQ(verdict["verdict"], "explained");
+}
+
+// Columns as other loggers write them lead to the same masses.
+TEST_F(Model, StampsUnitsAndRunsOfOtherLoggersAreRead) {
+  const auto mass = [&](const std::string& options) {
+    const Outcome outcome = graybox("model --one-mass " + options + " -o axis --overwrite");
+    EXPECT_EQ(outcome.exit_code, 0) << options << outcome.err << outcome.out;
+    return start_masses("axis");
+  };
+  // Rows of the drive's first run, with the time written otherwise.
+  const auto write_as = [&](const std::string& head, const auto& stamp) {
+    std::istringstream rows(example("run_1.csv"));
+    std::string text = head, row;
+    std::getline(rows, row);
+    for (; std::getline(rows, row);) {
+      const std::size_t comma = row.find(',');
+      text += stamp(static_cast<long>(std::lround(1e3 * std::stod(row.substr(0, comma))))) +
+              row.substr(comma) + "\n";
+    }
+    write_text(folder_.file("log.csv"), text);
+  };
+  const auto plain = [](long ms) { return fmt::format("{:.3f}", 1e-3 * double(ms)); };
+  const std::string gain = " --gain 0.12", speed = " --column speed=velocity:rpm ";
+  write_as("time,current,speed\n", plain);
+  const std::string expected = mass(speed + "log.csv" + gain);
+  ASSERT_FALSE(expected.empty());
+  write_as("time,current,speed\ns,A,1/min\n", plain);
+  EXPECT_EQ(mass("log.csv" + gain), expected);
+  write_as("Timestamp,Motorstrom [A],Drehzahl [U/min]\n", [](long ms) {
+    return fmt::format("2024-05-01T12:{:02}:{:02}.{:03}Z", ms / 60000, ms / 1000 % 60, ms % 1000);
+  });
+  EXPECT_EQ(mass("log.csv" + gain), expected);
+  EXPECT_NE(read_text(folder_.file("axis/campaign.yaml")).find("to 1 ms"), std::string::npos);
+  write_as("header.stamp.sec,header.stamp.nanosec,current,speed [rpm]\n", [](long ms) {
+    return fmt::format("{},{}", 1714564800 + ms / 1000, 1000000 * (ms % 1000));
+  });
+  EXPECT_EQ(mass("log.csv" + gain), expected);
+  EXPECT_EQ(graybox("recordings axis/campaign.yaml").exit_code, 0);
+}
+
+// Two runs in one file are two recordings, as they are in two files.
+TEST_F(Model, AClockThatBeginsAnewIsTwoRecordings) {
+  const std::string second = example("run_2.csv");
+  write_text(folder_.file("log.csv"), example("run_1.csv") + second.substr(second.find('\n') + 1));
+  for (const char* run : {"run_1.csv", "run_2.csv"}) write_text(folder_.file(run), example(run));
+  const std::string options = " --column speed=velocity:rpm --gain 0.12 -o ";
+  const Outcome one = graybox("model --one-mass log.csv" + options + "one"),
+                two = graybox("model --one-mass run_1.csv run_2.csv" + options + "two");
+  ASSERT_EQ(one.exit_code, 0) << one.err << one.out;
+  EXPECT_NE(one.out.find("'time' begins anew within the file: 2 recordings"), std::string::npos)
+      << one.out;
+  EXPECT_EQ(start_masses("one"), start_masses("two"));
+  const Json together = diagnosis("one"), apart = diagnosis("two");
+  EXPECT_EQ(together["verdict"], apart["verdict"]);
+  expect_dry_friction(together, 0.05);
 }
 
 TEST_F(Model, OtherTitlesGiveTheSameLaws) {

@@ -106,7 +106,7 @@ TEST_F(Recordings, WrongCampaignFilesAreRefusedInOneLine) {
       {{"sample_time: 0.001", "sample_time: 0.001\nholding: zero"}, "holding: unknown field"},
       {{"sample_time: 0.001", "sample_time: -1"}, "sample_time: must be positive"},
       {{"sample_time: 0.001\n", ""}, "'sample_time' is missing"},
-      {{"unit: rpm", "unit: Nm"}, "unknown unit 'Nm'"},
+      {{"unit: rpm", "unit: foot"}, "unknown unit 'foot'"},
       {{"unit: N m/A", "unit: N m/V"}, "recorded in A"},
       {{"unit: N m/A", "unit: foot/A"}, "unknown unit 'foot'"},
       {{"value: 0.5", "value: 0"}, "must not be zero"},

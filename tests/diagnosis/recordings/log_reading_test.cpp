@@ -13,10 +13,12 @@
 #include <numbers>
 #include <random>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recording_files/time_stamp.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/late_signal.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
@@ -283,6 +285,171 @@ TEST_F(LogReading, GzippedTextsAreReadAsTheyAre) {
   fails("cut.csv.gz", packed.substr(0, packed.size() - 9), "ends early");
   fails("no.csv.gz", table, "is no gzip file");
   fails("x.mat.gz", packed, "unknown ending '.mat.gz'");
+}
+
+// ---- times --------------------------------------------------------------------------------------
+
+struct StampCase {
+  const char* text;
+  std::int64_t day;
+  double seconds;
+};
+
+// Days by `date -d 2024-05-01 +%s`, over 86400.
+TEST(TimeStamps, AreReadAsPeopleWriteThem) {
+  constexpr std::int64_t kFirstOfMay = 19844;
+  for (const StampCase& each :
+       std::vector<StampCase>{{"2024-05-01 12:00:00.010", kFirstOfMay, 43200.01},
+                              {"2024-05-01T12:00:00.010", kFirstOfMay, 43200.01},
+                              {"2024-05-01T12:00:00Z", kFirstOfMay, 43200.0},
+                              {"2024-05-01T12:00:00.5+02:00", kFirstOfMay, 36000.5},
+                              {"2024-05-01T01:00:00+0200", kFirstOfMay - 1, 82800.0},
+                              {"2024-05-01 23:30:00-01", kFirstOfMay + 1, 1800.0},
+                              {"2024/05/01 00:00:01", kFirstOfMay, 1.0},
+                              {"01.05.2024 12:00:00,25", kFirstOfMay, 43200.25},
+                              {"2024-05-01", kFirstOfMay, 0.0},
+                              {"12:00:00.010", 0, 43200.01},
+                              {"7:05:09", 0, 25509.0},
+                              {"12:00:00:250", 0, 43200.25},
+                              {"12:00:01 AM", 0, 1.0},
+                              {"1:00:00.5 PM", 0, 46800.5},
+                              {"1970-01-02 00:00:00.123456789", 1, 0.123456789}}) {
+    const auto stamp = parse_time_stamp(each.text);
+    ASSERT_TRUE(stamp) << each.text;
+    EXPECT_EQ(stamp->day, each.day) << each.text;
+    EXPECT_NEAR(stamp->seconds, each.seconds, 1e-10) << each.text;
+  }
+  for (const char* none :
+       {"2024-13-01 12:00:00", "2023-02-29", "12:60:00", "24:00:01", "12:00", "1,5", "357,702", "",
+        "2024-05-01 12:00:00 o'clock", "2024-05-01 12:00:00.", "13:00:00 PM", "two", "1.5.3",
+        "2024-05-01T12:00:00+99:00", "-1:00:00.0", "192.168.10.12"}) {
+    EXPECT_FALSE(parse_time_stamp(none)) << none;
+  }
+}
+
+// The column named `time` of a table with these stamps every 10 ms, from half a second before `at`.
+VectorXd times_of(const RecordingFile& file, const std::string& name) {
+  const RecordedColumn& column = file.at(name);
+  EXPECT_EQ(column.unit, "s");
+  EXPECT_FALSE(column.origin.empty());
+  return column.values;
+}
+
+TEST_F(LogReading, TimeStampsAreSeconds) {
+  const auto table = [&](const std::string& head, const std::vector<std::string>& stamps,
+                         const std::string& sign) {
+    std::string text = head + "\n";
+    for (std::size_t k = 0; k < stamps.size(); ++k) {
+      text += stamps[k] + sign + std::to_string(k) + sign + "0.5\n";
+    }
+    testing::write_text(folder_.file("s.csv"), text);
+    return read_recording_file(folder_.file("s.csv"));
+  };
+  const auto expect = [&](const VectorXd& times, const std::vector<double>& seconds) {
+    ASSERT_EQ(times.size(), static_cast<Index>(seconds.size()));
+    for (std::size_t k = 0; k < seconds.size(); ++k) {
+      EXPECT_NEAR(times(static_cast<Index>(k)), seconds[k], 1e-10);
+    }
+  };
+  const RecordingFile iso =
+      table("Timestamp,q,u", {"2024-05-01 12:00:00.000", "2024-05-01 12:00:00.010"}, ",");
+  expect(times_of(iso, "Timestamp"), {43200.0, 43200.01});
+  EXPECT_NE(iso.at("Timestamp").origin.find("2024-05-01 12:00:00.000, to 1 ms"), std::string::npos);
+  EXPECT_EQ(iso.at("q").values(1), 1.0);
+  expect(times_of(table("Uhrzeit;q;u", {"12:00:00,500", "12:00:00,510"}, ";"), "Uhrzeit"),
+         {43200.5, 43200.51});
+  // Over midnight, by the clock alone and with the day in the stamp or beside it.
+  const std::vector<double> over{86399.99, 86400.0, 86400.01};
+  expect(times_of(table("t,q,u", {"23:59:59.99", "00:00:00.00", "00:00:00.01"}, ","), "t"), over);
+  expect(
+      times_of(table("t,q,u",
+                     {"2024-02-28 23:59:59.99", "2024-02-29 00:00:00.00", "2024-02-29 00:00:00.01"},
+                     ","),
+               "t"),
+      over);
+  for (const char* head : {"Date,Time,q,u", "Date Time q u", "Timestamp q u"}) {
+    const std::string sign = std::string(head).find(',') == std::string::npos ? " " : ",";
+    const RecordingFile apart =
+        table(head,
+              {"2024-02-28" + sign + "23:59:59.99", "2024-02-29" + sign + "00:00:00.00",
+               "2024-02-29" + sign + "00:00:00.01"},
+              sign);
+    ASSERT_EQ(apart.columns.size(), 3U) << head;
+    expect(times_of(apart, apart.columns[0].name), over);
+    EXPECT_EQ(apart.at("q").values(2), 2.0) << head;
+  }
+  // A run that begins again falls; a number or a word among stamps is refused.
+  expect(times_of(table("t,q,u", {"12:00:05.0", "12:00:00.0"}, ","), "t"), {43205.0, 43200.0});
+  for (const char* bad : {"12.5", "noon", "2024-05-01 12:00:00"}) {
+    testing::expect_refused(
+        [&] {
+          table("t,q,u", {"12:00:00.0", bad}, ",");
+        },
+        "is no time stamp like the first, 12:00:00.0");
+  }
+  testing::expect_refused([&] { table("t,q,u", {"12.5", "12:00:00.0"}, ","); }, "is no number");
+  // A day above the header is a title.
+  testing::write_text(folder_.file("s.csv"), "Log\n2024-05-01\nt,q\n0,1\n1,2\n");
+  EXPECT_EQ(read_recording_file(folder_.file("s.csv")).at("q").values, Eigen::Vector2d(1.0, 2.0));
+  testing::write_text(folder_.file("s.jsonl"),
+                      "{\"t\": \"2024-05-01T12:00:00Z\", \"q\": 1}\n"
+                      "{\"t\": \"2024-05-01T12:00:00.5Z\", \"q\": 2}\n");
+  expect(times_of(read_recording_file(folder_.file("s.jsonl")), "t"), {43200.0, 43200.5});
+}
+
+// A campaign reads stamps as the time of its samples, and a unit by what it means.
+TEST_F(LogReading, ACampaignTakesStampsAndUnitsAsWritten) {
+  std::string text = "Clock,q,u\nhh:mm:ss,Nm,V\n";
+  for (int k = 0; k < 200; ++k) {
+    const int stamp = 59900 + k;  // ms behind 12:00
+    text += "12:0" + std::to_string(stamp / 60000) + ":" +
+            std::to_string(100 + stamp / 1000 % 60).substr(1) + "." +
+            std::to_string(1000 + stamp % 1000).substr(1) + "," +
+            std::to_string(std::sin(0.1 * k)) + ",1\n";
+  }
+  testing::write_text(folder_.file("a.csv"), text);
+  const auto loaded = [&](const std::string& unit) {
+    testing::write_text(folder_.file("campaign.yaml"),
+                        "format: graybox-campaign/1\nsample_time: irregular\n"
+                        "time: {column: Clock, unit: s}\nchannels:\n  - {name: q, unit: " +
+                            unit +
+                            ", is: output}\n  - {name: u, unit: V, is: input}\n"
+                            "experiments: [{file: a.csv}]\n");
+    return load_experiment(read_campaign(folder_.file("campaign.yaml")), 0);
+  };
+  for (const char* unit : {"N m", "Nm"}) {
+    const ExperimentRecording run = loaded(unit);
+    const VectorXd& time = run.data.pieces.at(0).time;
+    ASSERT_EQ(time.size(), 200);
+    EXPECT_NEAR(time(199) - time(0), 0.199, 1e-9);
+    EXPECT_NEAR(time(0), 43259.9, 1e-9);
+  }
+  testing::expect_refused([&] { loaded("mN m"); }, "q is in Nm, but the campaign says mN m");
+}
+
+TEST_F(LogReading, SecondsAndNanosecondsAreOneTime) {
+  const auto read = [&](const std::string& text) {
+    testing::write_text(folder_.file("r.csv"), text);
+    return read_recording_file(folder_.file("r.csv"));
+  };
+  // 1714521600 is a midnight.
+  for (const auto& [whole, rest, name] :
+       {std::tuple{"header.stamp.sec", "header.stamp.nanosec", "header.stamp"},
+        {"field.header.stamp.secs", "field.header.stamp.nsecs", "field.header.stamp"},
+        {"header_stamp_sec", "header_stamp_nsec", "header_stamp"},
+        {"sec", "nanosec", "time"}}) {
+    const std::string head = std::string(whole) + "," + rest + ",q\n";
+    const RecordingFile file = read(head + "1714521607,999999999,1\n1714521608,1,2\n");
+    ASSERT_EQ(file.columns.size(), 2U) << whole;
+    const VectorXd times = times_of(file, name);
+    EXPECT_NEAR(times(0), 7.999999999, 1e-14);
+    EXPECT_NEAR(times(1), 8.000000001, 1e-14);
+  }
+  // No rest of a second, or none that belongs to it.
+  EXPECT_EQ(read("t.sec,t.nanosec,q\n0,0,1\n1,1000000000,2\n").columns.size(), 3U);
+  EXPECT_EQ(read("t.sec,t.nanosec,q\n0,0,1\n0.5,1,2\n").columns.size(), 3U);
+  EXPECT_EQ(read("a.sec,b.nanosec,q\n0,0,1\n1,1,2\n").columns.size(), 3U);
+  EXPECT_EQ(read("t.sec,t.nanosec,t\n0,0,1\n1,1,2\n").columns.size(), 3U);
 }
 
 // ---- pairs of one motion ------------------------------------------------------------------------

@@ -17,6 +17,7 @@
 #include "diagnosis/proposal/log_time.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -77,6 +78,36 @@ TEST(ColumnWords, TitlesAsPeopleWriteThem) {
       {"actual_current_position", Q::kPosition, ""},
       {"error_pos_deg", Q::kOther, "deg"},
       {"vir", Q::kUnknown, ""},
+      {"Position in Grad", Q::kPosition, "deg"},
+      {"Winkel [Grad]", Q::kPosition, "deg"},
+      {"Zeit in s", Q::kTime, "s"},
+      {"Uhrzeit", Q::kTime, ""},
+      {"Geschwindigkeit in mm/s", Q::kVelocity, "mm/s"},
+      {"Drehzahl [U/min]", Q::kVelocity, "rpm"},
+      {"Winkelgeschwindigkeit (Grad/s)", Q::kVelocity, "deg/s"},
+      {"Weg in mm", Q::kPosition, "mm"},
+      {"Motorstrom [A]", Q::kCurrent, "A"},
+      {"Istposition", Q::kPosition, ""},
+      {"Moment in Nm", Q::kForce, "N m"},
+      {"Kraft in N", Q::kForce, "N"},
+      {"temps (s)", Q::kTime, "s"},
+      {"vitesse [tr/min]", Q::kVelocity, "rpm"},
+      {"déplacement (mm)", Q::kPosition, "mm"},
+      {"couple [N.m]", Q::kForce, "N m"},
+      {"courant [A]", Q::kCurrent, "A"},
+      {"tiempo [s]", Q::kTime, "s"},
+      {"posición [°]", Q::kPosition, "deg"},
+      {"velocidad [rad/s]", Q::kVelocity, "rad/s"},
+      {"par [Nm]", Q::kForce, "N m"},
+      {"corriente", Q::kCurrent, ""},
+      {"tempo", Q::kTime, ""},
+      {"posizione [º]", Q::kPosition, "deg"},
+      {"velocità", Q::kVelocity, ""},
+      {"coppia", Q::kForce, ""},
+      {"corrente (mA)", Q::kCurrent, "mA"},
+      {"torque [% rated]", Q::kForce, "%"},
+      {"torque (% of rated torque)", Q::kForce, "%"},
+      {"speed [in/s]", Q::kVelocity, "in/s"},
       {"V1", Q::kVelocity, ""},
   };
   for (const Title& each : titles) {
@@ -86,10 +117,43 @@ TEST(ColumnWords, TitlesAsPeopleWriteThem) {
   }
 }
 
+// Units are the same by what they mean.
+TEST(WrittenUnits, AreComparedByTheirMeaning) {
+  for (const auto& [one, other] : {std::pair{"Nm", "N m"},
+                                   {"N*m", "N m"},
+                                   {"N·m", "N m"},
+                                   {"°", "deg"},
+                                   {"Grad", "deg"},
+                                   {"°/s", "deg/s"},
+                                   {"deg/sec", "deg/s"},
+                                   {"rad/sec", "rad/s"},
+                                   {"1/min", "rpm"},
+                                   {"U/min", "rpm"},
+                                   {"min⁻¹", "rpm"},
+                                   {"µs", "us"},
+                                   {"1000 mN m", "N m"},
+                                   {"‰", "0.1 %"},
+                                   {"furlong / s", "furlong/s"}}) {
+    EXPECT_TRUE(is_same_unit(one, other)) << one << ", " << other;
+  }
+  for (const auto& [one, other] : {std::pair{"Nm", "mN m"},
+                                   {"N", "N m"},
+                                   {"deg", "rad"},
+                                   {"0.1 deg", "deg"},
+                                   {"rpm", "turn/s"},
+                                   {"furlong", "m"},
+                                   {"", "m"}}) {
+    EXPECT_FALSE(is_same_unit(one, other)) << one << ", " << other;
+  }
+}
+
 TEST(ColumnWords, MannersSidesAndNumbers) {
   EXPECT_TRUE(read_column_words("Desired Position (deg)", "").is_reference);
   EXPECT_TRUE(read_column_words("x_soll", "").is_reference);
   EXPECT_TRUE(read_column_words("i_meas", "").is_measured);
+  EXPECT_TRUE(read_column_words("Sollposition [mm]", "").is_reference);
+  EXPECT_TRUE(read_column_words("Istdrehzahl", "").is_measured);
+  EXPECT_EQ(read_column_words("Motorstrom [A]", "").side, DriveSide::kMotor);
   EXPECT_EQ(read_column_words("motor_angle", "").side, DriveSide::kMotor);
   EXPECT_EQ(read_column_words("load_angle", "").side, DriveSide::kLoad);
   EXPECT_EQ(read_column_words("q_12", "").index, 12);
@@ -189,6 +253,41 @@ TEST(LogTimes, TimesThatFallAreRefused) {
   LogRecording log = log_of("time", 0.0, 0.01);
   log.columns[0].values(500) = 0.0;
   testing::expect_refused([&] { return find_time(log, {}); }, "times must rise");
+}
+
+// Two runs in one file: the clock begins anew.
+TEST(LogTimes, AClockThatBeginsAnewMakesTwoRecordings) {
+  const testing::TemporaryFolder folder;
+  const auto read = [&](const std::vector<int>& lengths, std::vector<std::string>& remarks) {
+    std::string text = "time [s],angle [rad],current [A]\n";
+    int row = 0;
+    for (const int length : lengths) {
+      for (int k = 0; k < length; ++k, ++row) text += fmt::format("{:.2f},{},0.2\n", 0.01 * k, row);
+    }
+    testing::write_text(folder.file("log.csv"), text);
+    return read_logs({folder.file("log.csv")}, {}, &remarks);
+  };
+  std::vector<std::string> remarks;
+  const std::vector<LogRecording> two = read({300, 200}, remarks);
+  ASSERT_EQ(two.size(), 2U);
+  EXPECT_EQ(two[1].first_row, 300);
+  EXPECT_EQ(two[1].samples(), 200);
+  EXPECT_EQ(two[1].columns[1].values(7), 307.0);
+  EXPECT_EQ(two[1].label(), "log.csv, rows 301 to 500");
+  EXPECT_DOUBLE_EQ(find_time(two[0], {}).sample_time, 0.01);
+  ASSERT_EQ(remarks.size(), 1U);
+  EXPECT_NE(remarks[0].find("begins anew"), std::string::npos) << remarks[0];
+  // Runs that are too short leave, and one run alone stays a whole.
+  EXPECT_EQ(read({300, 40, 200}, remarks).size(), 2U);
+  EXPECT_EQ(read({300, 40, 200}, remarks)[1].first_row, 340);
+  EXPECT_EQ(read({300}, remarks).size(), 1U);
+  const std::vector<LogRecording> falls = read({300, 40}, remarks);
+  ASSERT_EQ(falls.size(), 1U);
+  testing::expect_refused([&] { return find_time(falls[0], {}); }, "times must rise");
+  // Stamps out of order are no new run, nor are stamps that stand still.
+  LogRecording log = log_of("time", 0.0, 0.01);
+  log.columns[0].values(500) = log.columns[0].values(499);
+  testing::expect_refused([&] { return find_time(log, {}); }, "stamps are too coarse");
 }
 
 TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
