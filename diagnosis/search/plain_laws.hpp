@@ -18,9 +18,8 @@ namespace graybox {
 // Does nothing where laws were found, the noise is known, or one coordinate is all there is.
 void begin_with_plain_laws(SearchState& state);
 
-// The same for one coordinate, with springs, where single laws came to nothing: dry friction beside
-// a spring or a weight that is missing, too, may lower the error by too little, and so may these
-// beside missing friction.
+// The same for one coordinate, with springs, where single laws came to nothing. Dry friction alone
+// may lower the error by too little where a spring is missing, too.
 void end_with_plain_laws(SearchState& state);
 
 }  // namespace graybox

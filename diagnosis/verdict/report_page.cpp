@@ -141,6 +141,14 @@ std::string laws_words(const Diagnosis& diagnosis, std::span<const Hypothesis> h
   return names;
 }
 
+std::string change_sentence(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  if (!diagnosis.kept_out_change) return "";
+  const KeptOutChange& change = *diagnosis.kept_out_change;
+  return fmt::format(
+      "Fitted by themselves, recordings kept out ask for other sizes: {} ({:.3g} %).",
+      changed_size_words(diagnosis, change.sizes.front(), hypotheses), change.error_fitted);
+}
+
 std::string tests_sentence(const Diagnosis& diagnosis) {
   if (diagnosis.verdict == Verdict::kNone) return "";
   const auto failed = std::ranges::find_if(diagnosis.reasons, has_failed);
@@ -312,8 +320,9 @@ std::vector<std::string> verdict_in_short(const Diagnosis& diagnosis,
   std::vector<std::string> sentences{std::move(first)};
   if (!diagnosis.trouble.empty() || !diagnosis.before.usable) return sentences;
   sentences.push_back(error_sentence(diagnosis));
-  if (std::string tests = tests_sentence(diagnosis); !tests.empty()) {
-    sentences.push_back(std::move(tests));
+  for (const std::string& more :
+       {change_sentence(diagnosis, hypotheses), tests_sentence(diagnosis)}) {
+    if (!more.empty()) sentences.push_back(more);
   }
   return sentences;
 }

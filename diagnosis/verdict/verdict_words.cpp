@@ -361,15 +361,8 @@ std::vector<std::string> kept_out_change_lines(const Diagnosis& diagnosis,
   const KeptOutChange& change = *diagnosis.kept_out_change;
   std::string sizes;
   for (std::size_t i = 0; i < std::min(kTold, change.sizes.size()); ++i) {
-    const ChangedSize& size = change.sizes[i];
-    std::string of;
-    if (size.law) {
-      const Hypothesis& law = hypotheses[diagnosis.after.laws[*size.law].hypothesis];
-      of = fmt::format(" of {} at {}", spaced(law.law), law.place);
-    }
     sizes +=
-        fmt::format("{}{}{} {} instead of {}", sizes.empty() ? "" : "; ", spaced(size.in_fit.name),
-                    of, estimate_words(size.kept_out), estimate_words(size.in_fit));
+        (sizes.empty() ? "" : "; ") + changed_size_words(diagnosis, change.sizes[i], hypotheses);
   }
   return {fmt::format(
       "Kept out, other sizes: the same model, fitted to these recordings by themselves, leaves "
@@ -758,6 +751,17 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   }
   add_detectable(diagnosis, lines);
   return lines;
+}
+
+std::string changed_size_words(const Diagnosis& diagnosis, const ChangedSize& size,
+                               std::span<const Hypothesis> hypotheses) {
+  std::string of;
+  if (size.law) {
+    const Hypothesis& law = hypotheses[diagnosis.after.laws[*size.law].hypothesis];
+    of = fmt::format(" of {} at {}", spaced(law.law), law.place);
+  }
+  return fmt::format("{}{} {} instead of {}", spaced(size.in_fit.name), of,
+                     estimate_words(size.kept_out), estimate_words(size.in_fit));
 }
 
 }  // namespace graybox

@@ -14,6 +14,9 @@ namespace graybox {
 // "1.9e+09 +- 0.1e+09 N m/rad^3": value and standard error to the same digit,
 // two digits of the error.
 [[nodiscard]] std::string estimate_words(const LawParameterEstimate& estimate);
+// "level of coulomb at axis 0.43 ± 0.01 N m instead of 0.63 ± 0.03 N m"
+[[nodiscard]] std::string changed_size_words(const Diagnosis& diagnosis, const ChangedSize& size,
+                                             std::span<const Hypothesis> hypotheses);
 
 // "in position [0, 30, -60] at level 3 from 1 to 10 Hz".
 [[nodiscard]] std::string experiment_words(const ExperimentOption& option);
