@@ -388,13 +388,16 @@ TEST_F(LogReading, TimeStampsAreSeconds) {
         "is no time stamp like the first, 12:00:00.0");
   }
   testing::expect_refused([&] { table("t,q,u", {"12.5", "12:00:00.0"}, ","); }, "is no number");
-  // A day above the header is a title.
+}
+
+TEST_F(LogReading, ADayAboveTheHeaderIsATitleAndRecordsMayHoldStamps) {
   testing::write_text(folder_.file("s.csv"), "Log\n2024-05-01\nt,q\n0,1\n1,2\n");
   EXPECT_EQ(read_recording_file(folder_.file("s.csv")).at("q").values, Eigen::Vector2d(1.0, 2.0));
   testing::write_text(folder_.file("s.jsonl"),
                       "{\"t\": \"2024-05-01T12:00:00Z\", \"q\": 1}\n"
                       "{\"t\": \"2024-05-01T12:00:00.5Z\", \"q\": 2}\n");
-  expect(times_of(read_recording_file(folder_.file("s.jsonl")), "t"), {43200.0, 43200.5});
+  EXPECT_EQ(times_of(read_recording_file(folder_.file("s.jsonl")), "t"),
+            Eigen::Vector2d(43200.0, 43200.5));
 }
 
 // A campaign reads stamps as the time of its samples, and a unit by what it means.
