@@ -26,7 +26,7 @@ using testing_sets::log_det;
 using testing_sets::matrices_of;
 using testing_sets::wishart;
 
-constexpr SolveOptions kPrecise{.duality_gap = 1e-9};
+const SolveOptions kPrecise{.duality_gap = 1e-9};
 
 RobustProblem problem_of(const std::vector<InformationSet>& sets, RobustObjective objective,
                          bool relative = false) {
