@@ -83,6 +83,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   } else {
     fit_as_judged();
   }
+  if (!found_.fit.usable) return;  // its motion leaves all bounds at this horizon
   as_given_ = judged(findings.as_given, kIterations);
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
@@ -107,7 +108,8 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
 void FinalFit::fit_as_judged() {
   weights_ = found_.error.cwiseMax(1e-9 * data_->output_scale());
   found_ = judged(found_.fit.model, kIterations);
-  if (is_thinned()) climb_again();
+  if (found_.fit.usable && is_thinned()) climb_again();
+  if (!found_.fit.usable) return;
   fit_beside_disturbance();
   fit_where_laws_are_told();
 }

@@ -365,6 +365,15 @@ TEST_P(NothingMissing, FalseLawsAreRare) {
   EXPECT_LE(found, most_false(runs)) << "fresh seed " << fresh;
 }
 
+// Drives of which a last fit leaves all bounds: the answer is that of the fit before, or none.
+TEST(PredictionDiagnosis, OutlivesALastFitThatIsUnusable) {
+  for (const unsigned seed : {27U, 28U, 31U, 32U}) {
+    const PredictionDiagnosis result = diagnosis_of({"nothing", seed % 2 == 0, seed, 0.03});
+    EXPECT_FALSE(result.diagnosis.reasons.empty());
+    EXPECT_NE(result.diagnosis.verdict, Verdict::kExplained) << "seed " << seed;
+  }
+}
+
 // The load sees no force but the model's; and one with memory, of a tenth of what moves it.
 INSTANTIATE_TEST_SUITE_P(ForceNoise, NothingMissing, ::testing::Values(0.0, 0.03));
 
