@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -10,8 +11,10 @@
 #include <random>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "diagnosis/recording_files/recording_file.hpp"
 #include "tests/support/command_runner.hpp"
 
 namespace graybox {
@@ -156,6 +159,49 @@ TEST_F(TwoMethods, RealFrictionIsNoDeadZoneOfTheDrive) {
                 0.255 + added, 0.03);
     EXPECT_EQ(law(found, "dead_zone"), nullptr);
   }
+}
+
+// A circuit whose spring hardens, read in steps of 1 mV: a spring with a clearance is soft in its
+// middle, too.
+TEST_F(TwoMethods, ARealSpringThatHardensIsNoClearance) {
+  if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
+    GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  }
+  constexpr Eigen::Index kFirst = 41000, kSamples = 8192;
+  const RecordingFile file = read_recording_file(std::string(std::getenv("GRAYBOX_RECORDINGS")) +
+                                                 "/Silverbox/SNLS80mV.mat");
+  const Eigen::VectorXd input = file.at("V1").values, output = file.at("V2").values;
+  std::ostringstream rows;
+  rows.precision(9);
+  rows << "torque,angle\n";
+  for (Eigen::Index k = kFirst; k < kFirst + kSamples; ++k) {
+    rows << input(k) << ',' << 1e-3 * std::round(1e3 * output(k)) << '\n';
+  }
+  write_text(folder_.file("log.csv"), rows.str());
+  write_axis(4.789e-6, 9.58e-4, true,
+             "  - {file: log.csv, segments: [[0, 4095]]}\n"
+             "  - {file: log.csv, segments: [[4096, 8191]], role: validation}\n");
+  // In volts, as newtons and metres.
+  const std::vector<std::pair<std::string, std::string>> changes{
+      {"sample_time: 0.01\n", "sample_time: 0.0016384\n"},
+      {"motion: rotation", "motion: translation"},
+      {"unit: N m s/rad", "unit: N s/m"},
+      {"unit: N m,", "unit: N,"},
+      {"unit: rad,", "unit: m,"}};
+  for (const char* name : {"axis.yaml", "campaign.yaml"}) {
+    std::string text = testing::read_text(folder_.file(name));
+    for (const auto& [from, to] : changes) {
+      const std::size_t at = text.find(from);
+      if (at != std::string::npos) text.replace(at, from.size(), to);
+    }
+    write_text(folder_.file(name), text);
+  }
+  const Json found = diagnosis("--method prediction_error");
+  ASSERT_NE(law(found, "cubic_spring"), nullptr) << found["words"].dump(1);
+  ASSERT_NE(law(found, "stiffness"), nullptr) << found["words"].dump(1);
+  EXPECT_NEAR((*law(found, "cubic_spring"))["parameters"]["stiffness"]["value"].get<double>(), 3.9,
+              0.2);
+  EXPECT_EQ(law(found, "dead_zone"), nullptr);
 }
 
 }  // namespace
