@@ -33,6 +33,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
 #include "problems/laws/law_catalogue.hpp"
+#include "tests/support/carriage_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -49,19 +50,7 @@ class ForceBalance : public ::testing::Test {
     folder_ = fs::path(::testing::TempDir()) /
               ::testing::UnitTest::GetInstance()->current_test_info()->name();
     fs::create_directories(folder_);
-    std::ofstream(folder_ / "drive.yaml") << R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels:
-  torque: [force]
-  torque_of: arm
-  position: [x]
-  position_of: arm
-  velocity: [v]
-  acceleration: [a]
-)";
+    std::ofstream(folder_ / "drive.yaml") << testing::kCarriageModel;
   }
   void TearDown() override { fs::remove_all(folder_); }
 
@@ -75,15 +64,8 @@ channels:
     Random random(seed);
     write("run_1.csv", force, noise, 0.0, random);
     write("run_2.csv", force, noise, 1.3, random);
-    std::ofstream(folder_ / "campaign.yaml") << R"(format: graybox-campaign/1
-sample_time: 0.01
-channels:
-  - {name: force, unit: N, is: input}
-  - {name: x, unit: m, is: output}
-  - {name: v, unit: m/s, is: output}
-  - {name: a, unit: m/s^2, is: output}
-experiments:
-  - {file: run_1.csv}
+    std::ofstream(folder_ / "campaign.yaml")
+        << testing::kCarriageCampaign << R"(  - {file: run_1.csv}
   - {file: run_2.csv, role: validation}
 )";
   }

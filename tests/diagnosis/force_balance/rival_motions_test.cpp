@@ -21,6 +21,7 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/laws/law_catalogue.hpp"
+#include "tests/support/carriage_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -68,21 +69,7 @@ Moment triangle(double t) {
 // A carriage whose friction cannot be told from its recordings: dry or viscous, at one speed.
 class RivalMotion : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::ofstream(folder_.file("drive.yaml")) << R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels:
-  torque: [force]
-  torque_of: arm
-  position: [x]
-  position_of: arm
-  velocity: [v]
-  acceleration: [a]
-)";
-  }
+  void SetUp() override { std::ofstream(folder_.file("drive.yaml")) << testing::kCarriageModel; }
 
   // The triangle with this amplitude and speed.
   void record(const std::string& name, double amplitude, double speed, double phase = 0.0) {
@@ -100,15 +87,7 @@ channels:
 
   [[nodiscard]] std::unique_ptr<MismatchProblem> problem() const {
     std::ofstream campaign(folder_.file("campaign.yaml"));
-    campaign << R"(format: graybox-campaign/1
-sample_time: 0.01
-channels:
-  - {name: force, unit: N, is: input}
-  - {name: x, unit: m, is: output}
-  - {name: v, unit: m/s, is: output}
-  - {name: a, unit: m/s^2, is: output}
-experiments:
-)";
+    campaign << testing::kCarriageCampaign;
     for (const std::string& name : files_) {
       campaign << "  - {file: " << name << ".csv"
                << (name.starts_with("kept_out") ? ", role: validation}\n" : "}\n");

@@ -15,6 +15,7 @@
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/random.hpp"
+#include "tests/support/carriage_files.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -112,28 +113,9 @@ TEST(ErrorPlaces, samples_that_are_not_predicted_do_not_count) {
 class KeptOutChanges : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::ofstream(folder_.file("drive.yaml")) << R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels:
-  torque: [force]
-  torque_of: arm
-  position: [x]
-  position_of: arm
-  velocity: [v]
-  acceleration: [a]
-)";
-    std::ofstream(folder_.file("campaign.yaml")) << R"(format: graybox-campaign/1
-sample_time: 0.01
-channels:
-  - {name: force, unit: N, is: input}
-  - {name: x, unit: m, is: output}
-  - {name: v, unit: m/s, is: output}
-  - {name: a, unit: m/s^2, is: output}
-experiments:
-  - {file: first.csv}
+    std::ofstream(folder_.file("drive.yaml")) << testing::kCarriageModel;
+    std::ofstream(folder_.file("campaign.yaml"))
+        << testing::kCarriageCampaign << R"(  - {file: first.csv}
   - {file: second.csv, role: validation}
 )";
   }
