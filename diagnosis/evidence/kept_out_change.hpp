@@ -28,7 +28,7 @@ struct ChangedSize {
 };
 
 struct KeptOutChange {
-  // Of the recordings kept out, NRMSE in %: as the fit predicts them, and fitted by themselves.
+  // NRMSE of the recordings kept out, in %: as the fit predicts them, and fitted by themselves.
   double error_predicted = 0.0, error_fitted = 0.0;
   std::vector<ChangedSize> sizes;  // the surest first
 };

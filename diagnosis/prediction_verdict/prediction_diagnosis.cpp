@@ -49,38 +49,31 @@ bool is_velocity(const std::string& unit) { return unit == "m/s" || unit == "rad
 
 class DiagnosisBuilder {
  public:
-  DiagnosisBuilder(const LumpedModel& stated, const PredictionData& data,
-                   const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
-                   const FinalFit& final)
-      : stated_(&stated),
-        data_(&data),
-        hypotheses_(&hypotheses),
-        findings_(&findings),
-        final_(&final) {}
+  explicit DiagnosisBuilder(const PredictionOutcome& outcome) : from_(outcome) {}
 
   [[nodiscard]] Diagnosis build() {
-    result_.before = extended_fit(final_->as_given());
-    result_.after = extended_fit(final_->found());
-    result_.validation_before = held_out(final_->as_given());
-    result_.validation_after = held_out(final_->found());
-    motion_ = final_->motion();
-    const PredictionEffects effects(*stated_, *data_, *hypotheses_, *findings_, *final_);
+    result_.before = extended_fit(from_.final->as_given());
+    result_.after = extended_fit(from_.final->found());
+    result_.validation_before = held_out(from_.final->as_given());
+    result_.validation_after = held_out(from_.final->found());
+    motion_ = from_.final->motion();
+    const PredictionEffects effects(from_);
     result_.effects = effects.of(result_.after.laws);
     add_channels();
     add_ranking();
-    result_.curves_before = final_->curves(final_->as_given());
-    result_.curves_after = final_->curves(final_->found());
-    if (const LatentForce* force = final_->rest().force()) {
-      result_.pictures = latent_pictures(final_->found().fit.model, *force);
+    result_.curves_before = from_.final->curves(from_.final->as_given());
+    result_.curves_after = from_.final->curves(from_.final->found());
+    if (const LatentForce* force = from_.final->rest().force()) {
+      result_.pictures = latent_pictures(from_.final->found().fit.model, *force);
     }
-    const PredictionReasons reasons(*stated_, *data_, *hypotheses_, *findings_, *final_);
+    const PredictionReasons reasons(from_);
     result_.detection.detected = !result_.effects.empty() || !reasons.is_disturbance();
-    result_.may_be_disturbed = result_.effects.empty() && final_->rest().force() != nullptr &&
+    result_.may_be_disturbed = result_.effects.empty() && from_.final->rest().force() != nullptr &&
                                reasons.is_without_structure();
     result_.checked = checked();
     result_.implausible =
-        implausibilities(fit_physics(hypotheses_->hypotheses(), context(), result_.after));
-    result_.interrupted = findings_->stopped;
+        implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
+    result_.interrupted = from_.findings->stopped;
     result_.kept_out_change = change_of_kept_out();
     result_.reasons = reasons.of(result_);
     result_.verdict = verdict_of(result_.reasons);
@@ -92,7 +85,7 @@ class DiagnosisBuilder {
  private:
   [[nodiscard]] double samples() const {
     double count = 0.0;
-    for (const OutputErrorRecording& recording : data_->recordings()) {
+    for (const OutputErrorRecording& recording : from_.data->recordings()) {
       if (recording.role == ExperimentRole::kEstimation) {
         count += static_cast<double>(recording.time.size());
       }
@@ -120,35 +113,36 @@ class DiagnosisBuilder {
     for (const PlacedFinding& law : model.laws) {
       fit.laws.push_back(fitted_law(model, law, with_errors));
     }
-    fit.deviance = samples() * (judged.error.array() / data_->noise().array()).square().sum();
+    fit.deviance = samples() * (judged.error.array() / from_.data->noise().array()).square().sum();
     fit.parameter_count = judged.fit.free.size();
-    fit.estimation = assessment(judged.error, data_->output_scale(), data_->noise(), samples());
+    fit.estimation =
+        assessment(judged.error, from_.data->output_scale(), from_.data->noise(), samples());
     return fit;
   }
 
   [[nodiscard]] std::optional<KeptOutChange> change_of_kept_out() const {
     if (!result_.validation_after) return {};
-    const JudgedModel own = final_->fitted_to_kept_out();
+    const JudgedModel own = from_.final->fitted_to_kept_out();
     if (!own.fit.usable) return {};
     return kept_out_change(result_.after, result_.validation_after->nrmse, extended_fit(own),
-                           100.0 * relative_size(own.error, final_->found().held_out_scale));
+                           100.0 * relative_size(own.error, from_.final->found().held_out_scale));
   }
 
   [[nodiscard]] std::optional<Assessment> held_out(const JudgedModel& judged) const {
     if (!judged.held_out_error) return {};
-    return assessment(*judged.held_out_error, judged.held_out_scale, data_->noise(), 1.0);
+    return assessment(*judged.held_out_error, judged.held_out_scale, from_.data->noise(), 1.0);
   }
 
   [[nodiscard]] std::vector<ChannelRest> channel_rests(const JudgedModel& judged) const {
     std::vector<ChannelRest> rests;
     if (!judged.fit.usable) return rests;
-    const Index outputs = data_->output_count();
+    const Index outputs = from_.data->output_count();
     const Eigen::Map<const MatrixXd> table(judged.fit.residuals.data(), outputs,
                                            judged.fit.residuals.size() / outputs);
     for (Index j = 0; j < outputs; ++j) {
       ChannelRest rest;
-      rest.channel = stated_->output_names[static_cast<std::size_t>(j)];
-      rest.nrmse = 100.0 * judged.error(j) / data_->output_scale()(j);
+      rest.channel = from_.stated->output_names[static_cast<std::size_t>(j)];
+      rest.nrmse = 100.0 * judged.error(j) / from_.data->output_scale()(j);
       const VectorXd e = table.row(j).transpose();
       const Index n = e.size() - 1;
       const double memory = e.head(n).dot(e.tail(n)) / std::max(e.squaredNorm(), 1e-300);
@@ -159,13 +153,13 @@ class DiagnosisBuilder {
   }
 
   void add_channels() {
-    result_.channels_before = channel_rests(final_->as_given());
-    result_.channels_after = channel_rests(final_->found());
+    result_.channels_before = channel_rests(from_.final->as_given());
+    result_.channels_after = channel_rests(from_.final->found());
   }
 
   void add_ranking() {
-    for (const ExtensionScore& score : findings_->ranking) {
-      const LawExtension& law = findings_->ranked[score.extension];
+    for (const ExtensionScore& score : from_.findings->ranking) {
+      const LawExtension& law = from_.findings->ranked[score.extension];
       const bool is_known = std::ranges::any_of(result_.ranking, [&](const HypothesisScore& other) {
         return other.start.hypothesis == law.hypothesis;
       });
@@ -181,9 +175,9 @@ class DiagnosisBuilder {
 
   [[nodiscard]] CheckedRange checked() const {
     CheckedRange range;
-    range.kept_out = data_->has_validation();
+    range.kept_out = from_.data->has_validation();
     const auto role = range.kept_out ? ExperimentRole::kValidation : ExperimentRole::kEstimation;
-    for (const OutputErrorRecording& recording : data_->recordings()) {
+    for (const OutputErrorRecording& recording : from_.data->recordings()) {
       if (recording.role != role) continue;
       if (std::ranges::count(range.files, recording.name) == 0)
         range.files.push_back(recording.name);
@@ -192,7 +186,8 @@ class DiagnosisBuilder {
         const double low = recording.outputs.col(j).minCoeff();
         const double high = recording.outputs.col(j).maxCoeff();
         if (range.spans.size() <= at) {
-          range.spans.push_back({stated_->output_names[at], stated_->output_units[at], low, high});
+          range.spans.push_back(
+              {from_.stated->output_names[at], from_.stated->output_units[at], low, high});
         }
         range.spans[at].from = std::min(range.spans[at].from, low);
         range.spans[at].to = std::max(range.spans[at].to, high);
@@ -203,13 +198,14 @@ class DiagnosisBuilder {
 
   [[nodiscard]] PhysicalContext context() const {
     PhysicalContext context;
-    const JudgedModel& found = final_->found();
+    const JudgedModel& found = from_.final->found();
     for (const std::size_t index : found.fit.free) {
       if (index >= found.fit.model.own_parameters()) continue;
       context.starts.push_back(start_of(index, found.fit.model.model.parameters[index].value));
       const ParameterSpace& space = found.fit.model.space[index];
       // The others may become zero. A velocity at a bound is one that the motion does not show.
-      const bool has_bounds = space.logarithmic && !is_velocity(stated_->parameters[index].unit);
+      const bool has_bounds =
+          space.logarithmic && !is_velocity(from_.stated->parameters[index].unit);
       const bool has_lowest = has_bounds && space.low > kVanished * space.scale;
       context.lowest.push_back(has_lowest ? space.low : PhysicalQuantity::kNone);
       context.highest.push_back(has_bounds ? space.high : PhysicalQuantity::kNone);
@@ -223,8 +219,8 @@ class DiagnosisBuilder {
   // As stated or as fitted without laws, whichever is nearer: what is stated may be a guess, and
   // what is fitted stands in for laws.
   [[nodiscard]] double start_of(std::size_t parameter, double value) const {
-    const double stated = stated_->parameters[parameter].value;
-    const double fitted = findings_->as_given.model.parameters[parameter].value;
+    const double stated = from_.stated->parameters[parameter].value;
+    const double fitted = from_.findings->as_given.model.parameters[parameter].value;
     const auto distance = [&](double start) {
       return start * value > 0.0 ? std::abs(std::log(start / value))
                                  : std::numeric_limits<double>::infinity();
@@ -237,7 +233,7 @@ class DiagnosisBuilder {
     PhysicalContext::OfLaw own{0.0, 0.0, 0.0, {}};
     const Element& law = model.parts[part];
     if (law.location.kind != LocationKind::kElement) return own;
-    own.trace.carried = data_->largest_force();
+    own.trace.carried = from_.data->largest_force();
     for (std::size_t i = 0; i < model.parts.size(); ++i) {
       const Element& other = model.parts[i];
       if (i == part || other.location.kind != LocationKind::kElement ||
@@ -259,11 +255,7 @@ class DiagnosisBuilder {
     return own;
   }
 
-  const LumpedModel* stated_;
-  const PredictionData* data_;
-  const PredictionHypotheses* hypotheses_;
-  const PredictionFindings* findings_;
-  const FinalFit* final_;
+  PredictionOutcome from_;
   MatrixXd motion_;
   Diagnosis result_;
 };
@@ -453,9 +445,8 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
         if (other != nullptr)
           *other = better_held(stated, data, campaign, findings, final, threads);
         if (other != nullptr && *other) return result;
-        result.diagnosis =
-            DiagnosisBuilder(stated, data, hypotheses, nearer ? *nearer->findings : findings, final)
-                .build();
+        const PredictionFindings& told = nearer ? *nearer->findings : findings;
+        result.diagnosis = DiagnosisBuilder({&stated, &data, &hypotheses, &told, &final}).build();
         for (const std::string& words :
              {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
           if (!words.empty()) result.diagnosis.assumptions.push_back(words);

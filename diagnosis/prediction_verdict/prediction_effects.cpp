@@ -53,15 +53,15 @@ FittedLaw fitted_law(const ExtendedLumpedModel& model, const PlacedFinding& law,
 }
 
 std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& without) const {
-  const auto poorer = final_->law_held_out(without);
-  const auto richer = final_->law_held_out(final_->found());
+  const auto poorer = from_.final->law_held_out(without);
+  const auto richer = from_.final->law_held_out(from_.final->found());
   if (!poorer || !richer) return {};
-  const VectorXd& scale = final_->found().held_out_scale;
+  const VectorXd& scale = from_.final->found().held_out_scale;
   HeldOutEffect effect;
   effect.error_without = percent(poorer->error, scale);
   effect.error_with = percent(richer->error, scale);
-  effect.seconds_ahead = static_cast<double>(richer->horizon) * data_->sample_time();
-  const double floor = percent(data_->noise(), scale);
+  effect.seconds_ahead = static_cast<double>(richer->horizon) * from_.data->sample_time();
+  const double floor = percent(from_.data->noise(), scale);
   const double before = effect.error_without * effect.error_without - floor * floor;
   const double after = effect.error_with * effect.error_with - floor * floor;
   effect.gain = before > 0.0 ? 1.0 - std::max(after, 0.0) / before : 0.0;
@@ -71,21 +71,22 @@ std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& wit
 
 std::vector<FoundEffect> PredictionEffects::of(std::span<const FittedLaw> laws) const {
   std::vector<FoundEffect> effects;
-  const ExtendedLumpedModel& model = final_->found().fit.model;
+  const ExtendedLumpedModel& model = from_.final->found().fit.model;
   for (std::size_t l = 0; l < model.laws.size(); ++l) {
     FoundEffect effect;
     effect.law = laws[l];
-    const JudgedModel without = final_->without(l);
+    const JudgedModel without = from_.final->without(l);
     if (without.fit.usable) {
-      const double z = final_->z_over(without);
+      const double z = from_.final->z_over(without);
       effect.law.wald_statistic = z * std::abs(z);
       effect.bic_difference = effect.law.wald_statistic;
-      effect.explained_share = 1.0 - final_->found().fit.cost / without.fit.cost;
+      effect.explained_share = 1.0 - from_.final->found().fit.cost / without.fit.cost;
       effect.held_out = effect_of(without);
     }
-    const auto accepted = std::ranges::find(
-        findings_->laws, final_->accepted_as(model.laws[l].hypothesis), &AcceptedLaw::hypothesis);
-    if (accepted != findings_->laws.end()) add_rivals(*accepted, l, effect);
+    const auto accepted =
+        std::ranges::find(from_.findings->laws, from_.final->accepted_as(model.laws[l].hypothesis),
+                          &AcceptedLaw::hypothesis);
+    if (accepted != from_.findings->laws.end()) add_rivals(*accepted, l, effect);
     if (without.fit.usable) {
       add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
       add_richer_friction(l, effect);
@@ -103,10 +104,10 @@ void PredictionEffects::add_rivals(const AcceptedLaw& accepted, std::size_t law,
   constexpr std::size_t kNamed = 3;
   for (const TriedLaw& tried : accepted.rivals) {
     if (is_found(tried.hypothesis)) continue;
-    const JudgedModel exchanged = final_->exchanged(law, tried.fit.model);
+    const JudgedModel exchanged = from_.final->exchanged(law, tried.fit.model);
     Rival rival = rival_of(tried);
     if (exchanged.fit.usable) {
-      const double z = final_->z_over(exchanged);
+      const double z = from_.final->z_over(exchanged);
       rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
       rival.bic_difference = z * std::abs(z);
       const bool stands = z < kExcluded;
@@ -126,16 +127,17 @@ void PredictionEffects::add_rivals(const AcceptedLaw& accepted, std::size_t law,
 
 // A law that is another one for some of its parameters predicts as well, and is no rival of it.
 bool PredictionEffects::contains(std::size_t richer, std::size_t plainer) const {
-  const Hypothesis& a = hypotheses_->hypotheses()[richer];
-  const Hypothesis& b = hypotheses_->hypotheses()[plainer];
+  const Hypothesis& a = from_.hypotheses->hypotheses()[richer];
+  const Hypothesis& b = from_.hypotheses->hypotheses()[plainer];
   return a.place == b.place && std::ranges::count(a.special_cases, b.law) > 0;
 }
 
 void PredictionEffects::add_rivals_elsewhere(std::size_t found, const JudgedModel& without,
                                              FoundEffect& effect) const {
-  for (const std::size_t other : final_->elsewhere(found)) add_if_stands(other, without, effect);
+  for (const std::size_t other : from_.final->elsewhere(found))
+    add_if_stands(other, without, effect);
   // What was accepted, and gave way to a law that more machines have.
-  const std::size_t accepted = final_->accepted_as(found);
+  const std::size_t accepted = from_.final->accepted_as(found);
   const bool gave_way = accepted != found && !contains(accepted, found) && !is_found(accepted);
   if (gave_way) add_if_stands(accepted, without, effect);
 }
@@ -143,9 +145,9 @@ void PredictionEffects::add_rivals_elsewhere(std::size_t found, const JudgedMode
 void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& without,
                                       FoundEffect& effect) const {
   if (is_named(other, effect)) return;
-  const JudgedModel exchanged = final_->with_law(without, other);
+  const JudgedModel exchanged = from_.final->with_law(without, other);
   if (!exchanged.fit.usable) return;
-  const double z = final_->z_over(exchanged);
+  const double z = from_.final->z_over(exchanged);
   if (z >= kExcluded) return;
   Rival rival;
   rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
@@ -158,16 +160,16 @@ void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& with
 // as a rival, or where that may be chance beside the law found.
 void PredictionEffects::add_richer_friction(std::size_t law, FoundEffect& effect) const {
   constexpr double kWorthNaming = 1.0;  // z
-  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
-  const std::size_t found = final_->found().fit.model.laws[law].hypothesis;
+  const std::vector<Hypothesis>& all = from_.hypotheses->hypotheses();
+  const std::size_t found = from_.final->found().fit.model.laws[law].hypothesis;
   if (all[found].law != "coulomb" && all[found].law != "viscous") return;
   for (std::size_t richer = 0; richer < all.size(); ++richer) {
     const auto is_this = [&](const Rival& rival) { return rival.law.hypothesis == richer; };
     if (!contains(richer, found) || is_found(richer)) continue;
     if (std::ranges::any_of(effect.rivals, is_this)) continue;
-    const JudgedModel fitted = final_->in_place_of(law, richer);
+    const JudgedModel fitted = from_.final->in_place_of(law, richer);
     if (!fitted.fit.usable) continue;
-    const double z = z_between(final_->found().fit, fitted.fit);
+    const double z = z_between(from_.final->found().fit, fitted.fit);
     if (!(z > kWorthNaming) || raises_held_out(fitted)) continue;
     Rival rival;
     rival.law = fitted_law(fitted.fit.model, fitted.fit.model.laws.back(), nullptr);
@@ -178,18 +180,20 @@ void PredictionEffects::add_richer_friction(std::size_t law, FoundEffect& effect
 }
 
 bool PredictionEffects::raises_held_out(const JudgedModel& other) const {
-  const auto with = final_->law_held_out(other), without = final_->law_held_out(final_->found());
+  const auto with = from_.final->law_held_out(other),
+             without = from_.final->law_held_out(from_.final->found());
   if (!with || !without) return false;
-  const VectorXd& scale = final_->found().held_out_scale;
+  const VectorXd& scale = from_.final->found().held_out_scale;
   return percent(with->error, scale) > percent(without->error, scale);
 }
 
 // With one drive and one sensor a delay at either is one system, whatever lies between them and
 // whatever a filter that starts somewhere else may say.
 void PredictionEffects::unite_delays(FoundEffect& effect) const {
-  const std::vector<Hypothesis>& all = hypotheses_->hypotheses();
+  const std::vector<Hypothesis>& all = from_.hypotheses->hypotheses();
   const Hypothesis& found = all[effect.law.hypothesis];
-  if (found.law != "delay" || stated_->inputs.size() != 1 || stated_->outputs.size() != 1) return;
+  if (found.law != "delay" || from_.stated->inputs.size() != 1 || from_.stated->outputs.size() != 1)
+    return;
   const auto is_twin = [&](std::size_t other) {
     return all[other].law == "delay" && all[other].place != found.place;
   };
@@ -204,7 +208,7 @@ void PredictionEffects::unite_delays(FoundEffect& effect) const {
 }
 
 bool PredictionEffects::is_found(std::size_t hypothesis) const {
-  return std::ranges::count(final_->found().fit.model.laws, hypothesis,
+  return std::ranges::count(from_.final->found().fit.model.laws, hypothesis,
                             &PlacedFinding::hypothesis) > 0;
 }
 

@@ -1,11 +1,10 @@
-// What each law found by a diagnosis by prediction error is worth, with its rivals: what it lowers
-// the error kept out by, which other laws could take its place, and which were excluded.
+// What each law found by a diagnosis by prediction error is worth. It tells by how much the law
+// lowers the error kept out. It names laws that could take its place, and laws that are excluded.
 //
-//   const std::vector<FoundEffect> effects =
-//       PredictionEffects(model, data, hypotheses, findings, final).of(laws);
+//   const std::vector<FoundEffect> effects = PredictionEffects(outcome).of(laws);
 //
-// Each comparison refits the model with the law left out or exchanged. z is that of blocks left out
-// (left_out_blocks.hpp); a rival stands where z of the law found over it is below 2.
+// Each comparison refits the model with the law left out or exchanged. Its z is that of blocks left
+// out (left_out_blocks.hpp). A rival stands where z of the law found over it is below 2.
 #pragma once
 
 #include <optional>
@@ -13,7 +12,7 @@
 #include <vector>
 
 #include "diagnosis/evidence/diagnosis.hpp"
-#include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_verdict/prediction_outcome.hpp"
 
 namespace graybox {
 
@@ -23,15 +22,7 @@ namespace graybox {
 
 class PredictionEffects {
  public:
-  // References are kept.
-  PredictionEffects(const LumpedModel& stated, const PredictionData& data,
-                    const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
-                    const FinalFit& final)
-      : stated_(&stated),
-        data_(&data),
-        hypotheses_(&hypotheses),
-        findings_(&findings),
-        final_(&final) {}
+  explicit PredictionEffects(const PredictionOutcome& outcome) : from_(outcome) {}
 
   // The laws of the model found, in its order.
   [[nodiscard]] std::vector<FoundEffect> of(std::span<const FittedLaw> laws) const;
@@ -48,11 +39,7 @@ class PredictionEffects {
   void unite_delays(FoundEffect& effect) const;
   [[nodiscard]] bool is_found(std::size_t hypothesis) const;
 
-  const LumpedModel* stated_;
-  const PredictionData* data_;
-  const PredictionHypotheses* hypotheses_;
-  const PredictionFindings* findings_;
-  const FinalFit* final_;
+  PredictionOutcome from_;
 };
 
 }  // namespace graybox

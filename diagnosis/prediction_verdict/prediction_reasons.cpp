@@ -135,10 +135,10 @@ void add_determination(const Diagnosis& diagnosis, Verdict otherwise,
 // The whole of each recording is foretold within half a step of each sensor, kept-out ones
 // included: rounding is no white noise (at rest it stays), and is all that is left.
 bool PredictionReasons::is_within_a_step() const {
-  const JudgedModel& found = final_->found();
+  const JudgedModel& found = from_.final->found();
   if (found.horizon != 0 || !found.fit.usable) return false;
-  for (Index j = 0; j < data_->output_count(); ++j) {
-    const double most = 0.5 * data_->rounding_step(j);
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
+    const double most = 0.5 * from_.data->rounding_step(j);
     if (!(found.error(j) <= most)) return false;
     if (found.held_out_error && !((*found.held_out_error)(j) <= most)) return false;
   }
@@ -146,18 +146,18 @@ bool PredictionReasons::is_within_a_step() const {
 }
 
 bool PredictionReasons::is_without_structure() const {
-  return 100.0 * final_->rest().structured_share() <= kStructureLimit;
+  return 100.0 * from_.final->rest().structured_share() <= kStructureLimit;
 }
 
 bool PredictionReasons::is_disturbance() const {
-  const UnmodelledForce& rest = final_->rest();
+  const UnmodelledForce& rest = from_.final->rest();
   if (rest.multiple_of_noise() <= kNoiseMultiple || is_within_a_step()) return true;
   return rest.multiple_of_rest() <= kNoiseMultiple &&
          100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kSmallForce;
 }
 
 void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
-  const JudgedModel& found = final_->found();
+  const JudgedModel& found = from_.final->found();
   if (!found.held_out_error) {
     VerdictReason reason =
         test(fmt::format("{}, % of the signal", kHeldOutTest), {}, kHeldOutLimit, true, "");
@@ -166,28 +166,28 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
     return;
   }
   const auto limits = [&](Index j) {
-    const double noise = 100.0 * kNoiseLimit * data_->noise()(j) / found.held_out_scale(j);
+    const double noise = 100.0 * kNoiseLimit * from_.data->noise()(j) / found.held_out_scale(j);
     return std::max(kHeldOutLimit, noise);
   };
   const auto percent = [&](const VectorXd& error, Index j) {
     return 100.0 * error(j) / found.held_out_scale(j);
   };
   HeldOutError judged{found.horizon, *found.held_out_error};
-  for (Index j = 0; j < data_->output_count(); ++j) {
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
     if (percent(judged.error, j) <= limits(j)) continue;
     // Nobody foresees a disturbance: as far ahead as it matters little.
-    if (const auto ahead = final_->held_out_ahead(kForeseen / 100.0)) judged = *ahead;
+    if (const auto ahead = from_.final->held_out_ahead(kForeseen / 100.0)) judged = *ahead;
     break;
   }
   const std::string ahead =
       judged.horizon == 0 ? "in free run"
-                          : fmt::format("{:.3g} s ahead",
-                                        static_cast<double>(judged.horizon) * data_->sample_time());
-  for (Index j = 0; j < data_->output_count(); ++j) {
+                          : fmt::format("{:.3g} s ahead", static_cast<double>(judged.horizon) *
+                                                              from_.data->sample_time());
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
     const double error = percent(judged.error, j), limit = limits(j);
     list.push_back(
         test(fmt::format("{} of {} {}, % of its signal", kHeldOutTest,
-                         stated_->output_names[static_cast<std::size_t>(j)], ahead),
+                         from_.stated->output_names[static_cast<std::size_t>(j)], ahead),
              error, limit, error <= limit,
              "put recordings like those kept out into the fit, and look at when the error is "
              "largest"));
@@ -197,7 +197,7 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
 // A law that raises an error which is small all the same may be right.
 void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
                                        std::vector<VerdictReason>& list) const {
-  if (!final_->found().held_out_error) return;
+  if (!from_.final->found().held_out_error) return;
   const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
     return effect.held_out && effect.held_out->misleads &&
            effect.held_out->error_with > kHeldOutLimit;
@@ -211,7 +211,7 @@ void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
 // A law that holds on the average only.
 void PredictionReasons::add_trend(const Diagnosis& diagnosis,
                                   std::vector<VerdictReason>& list) const {
-  const std::vector<LawTrend> trends = final_->trends();
+  const std::vector<LawTrend> trends = from_.final->trends();
   const LawTrend* worst = nullptr;
   for (const LawTrend& trend : trends) {
     const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
@@ -226,7 +226,7 @@ void PredictionReasons::add_trend(const Diagnosis& diagnosis,
     return;
   }
   const FittedLaw& law = diagnosis.effects[worst->law].law;
-  const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
+  const Hypothesis& hypothesis = from_.hypotheses->hypotheses()[law.hypothesis];
   const LawParameterEstimate& parameter = law.parameters[worst->parameter];
   const double z = std::abs(worst->z);
   // A law of the speed stands in for another one, at its place.
@@ -241,19 +241,20 @@ void PredictionReasons::add_trend(const Diagnosis& diagnosis,
 
 void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
-  const std::optional<FinalFit::Growth> growth = final_->growth();
+  const std::optional<FinalFit::Growth> growth = from_.final->growth();
   if (!growth) {
     VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
-    reason.not_tested = final_->found().held_out_error ? "the force left hides it at every horizon"
-                                                       : "no recordings were kept out of the fit";
+    reason.not_tested = from_.final->found().held_out_error
+                            ? "the force left hides it at every horizon"
+                            : "no recordings were kept out of the fit";
     list.push_back(std::move(reason));
     return;
   }
   Index worst = 0;
   const double most = growth->ratio.maxCoeff(&worst);
   const bool is_chance = std::log(most) < kGrowthErrors * growth->deviation(worst);
-  const std::string& channel = stated_->output_names[static_cast<std::size_t>(worst)];
-  const JudgedModel& found = final_->found();
+  const std::string& channel = from_.stated->output_names[static_cast<std::size_t>(worst)];
+  const JudgedModel& found = from_.final->found();
   const double kept_out = (*found.held_out_error)(worst) / found.held_out_scale(worst);
   const bool is_small = 100.0 * kept_out <= kSmallError;
   const char* excuse = "";
@@ -271,7 +272,7 @@ void PredictionReasons::add_against_as_given(const Diagnosis& diagnosis,
   if (!diagnosis.validation_before || !diagnosis.validation_after) return;
   const double ratio = diagnosis.validation_after->nrmse / diagnosis.validation_before->nrmse;
   // Where errors add up, a disturbance may make a poor model the better one by chance.
-  const double limit = findings_->has_free_run ? 1.0 : kAsGivenLimit;
+  const double limit = from_.findings->has_free_run ? 1.0 : kAsGivenLimit;
   list.push_back(test("error kept out over that of the model as given", ratio, limit,
                       ratio <= limit,
                       "the laws found do not help where they were not fitted: put recordings "
@@ -281,7 +282,7 @@ void PredictionReasons::add_against_as_given(const Diagnosis& diagnosis,
 // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
 void PredictionReasons::add_rest(const Diagnosis& diagnosis,
                                  std::vector<VerdictReason>& list) const {
-  const UnmodelledForce& rest = final_->rest();
+  const UnmodelledForce& rest = from_.final->rest();
   const double of_noise = rest.multiple_of_noise();
   if (of_noise <= kNoiseMultiple || rest.force() == nullptr) {
     list.push_back(test("rest over what the noise of the sensors leaves, most of all horizons",
@@ -300,7 +301,7 @@ void PredictionReasons::add_rest(const Diagnosis& diagnosis,
            structured, kStructureLimit, structured <= kStructureLimit,
            structure == nullptr ? std::string() : advice_on(*structure)));
   const std::string place =
-      stated_->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
+      from_.stated->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
   list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
                       kRestLimit, share <= kRestLimit, advice_on_force(share, diagnosis)));
   const double multiple = rest.multiple_of_rest();

@@ -1,7 +1,7 @@
 // The tests that a diagnosis by prediction error passes or fails, in the order in which they decide
 // its verdict. Their limits are calibrated in docs/explanation/prediction_error.md.
 //
-//   diagnosis.reasons = PredictionReasons(model, data, hypotheses, findings, final).of(diagnosis);
+//   diagnosis.reasons = PredictionReasons(outcome).of(diagnosis);
 #pragma once
 
 #include <span>
@@ -9,27 +9,19 @@
 #include <vector>
 
 #include "diagnosis/evidence/diagnosis.hpp"
-#include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/prediction_verdict/prediction_outcome.hpp"
 
 namespace graybox {
 
 class PredictionReasons {
  public:
-  // References are kept.
-  PredictionReasons(const LumpedModel& stated, const PredictionData& data,
-                    const PredictionHypotheses& hypotheses, const PredictionFindings& findings,
-                    const FinalFit& final)
-      : stated_(&stated),
-        data_(&data),
-        hypotheses_(&hypotheses),
-        findings_(&findings),
-        final_(&final) {}
+  explicit PredictionReasons(const PredictionOutcome& outcome) : from_(outcome) {}
 
   // What is left could be the sensors' noise and a disturbance.
   [[nodiscard]] bool is_disturbance() const;
   // The force left follows neither position nor speed by more than the limit.
   [[nodiscard]] bool is_without_structure() const;
-  // Of a diagnosis whose effects, errors and implausibilities are known.
+  // The tests of a diagnosis whose effects, errors and implausibilities are known.
   [[nodiscard]] std::vector<VerdictReason> of(const Diagnosis& diagnosis) const;
 
  private:
@@ -43,11 +35,7 @@ class PredictionReasons {
   [[nodiscard]] std::vector<VerdictReason> of_nothing_missing(
       const Diagnosis& diagnosis, std::vector<VerdictReason> list) const;
 
-  const LumpedModel* stated_;
-  const PredictionData* data_;
-  const PredictionHypotheses* hypotheses_;
-  const PredictionFindings* findings_;
-  const FinalFit* final_;
+  PredictionOutcome from_;
 };
 
 // Why another method should be asked where there is one: the test that leaves little of an answer.

@@ -29,7 +29,7 @@ class ParameterTrends {
   // Time within a recording, over the longest recording's length: -1/2 ... 1/2 at most. A value for
   // each sample of all runs, as every covariate.
   [[nodiscard]] Eigen::VectorXd time() const;
-  // Of the parameter in this column of the fit's Jacobian.
+  // The trend of the parameter in this column of the fit's Jacobian.
   [[nodiscard]] ParameterTrend with(const Eigen::VectorXd& covariate, Eigen::Index column) const;
 
  private:

@@ -22,7 +22,7 @@ struct WrittenUnit {
 // if there is none.
 [[nodiscard]] std::string unit_as_written(std::string_view text);
 
-// The same by words of lower case joined by one blank, as they end a title: "n m", "rad s".
+// A unit by words of lower case joined by one blank, as they end a title: "n m", "rad s".
 [[nodiscard]] WrittenUnit unit_of_words(std::string_view words);
 
 // Whether two texts mean one unit. Texts that are no unit are compared as they are, but for blanks.

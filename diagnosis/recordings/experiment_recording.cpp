@@ -254,7 +254,7 @@ std::size_t thinning_of(const Campaign& campaign, const Experiment& experiment) 
   return thinning;
 }
 
-// Of a column's samples before and behind the piece.
+// Samples of a column before and behind the piece.
 std::optional<std::pair<double, double>> range_elsewhere(const Eigen::VectorXd& column,
                                                          const SignalPiece& piece) {
   double lowest = HUGE_VAL, highest = -HUGE_VAL;

@@ -51,9 +51,9 @@ Row reason_row(const VerdictReason& reason) {
   std::string note;
   if (!reason.not_tested.empty()) note = reason.not_tested;
   if (has_failed(reason) && !reason.next.empty()) note = "Next: " + reason.next;
-  const std::string limit =
-      reason.value ? fmt::format("{}\u00a0{:.4g}", reason.is_lower_limit ? "≥" : "≤", reason.limit)
-                   : "–";
+  const std::string limit = !reason.value           ? "–"
+                            : reason.is_lower_limit ? fmt::format("≥\u00a0{:.4g}", reason.limit)
+                                                    : fmt::format("≤\u00a0{:.4g}", reason.limit);
   return {{reason.test, note},
           {result_of(reason), {}, mark_of(reason)},
           {reason.value ? fmt::format("{:.3g}", *reason.value) : "–"},

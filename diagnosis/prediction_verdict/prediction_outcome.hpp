@@ -1,0 +1,17 @@
+// What a diagnosis by prediction error has at its end: from this its effects, its reasons and its
+// verdict are told. All that it points to must outlive it.
+#pragma once
+
+#include "diagnosis/prediction_error/final_fit.hpp"
+
+namespace graybox {
+
+struct PredictionOutcome {
+  const LumpedModel* stated = nullptr;
+  const PredictionData* data = nullptr;  // all samples
+  const PredictionHypotheses* hypotheses = nullptr;
+  const PredictionFindings* findings = nullptr;  // of the search
+  const FinalFit* final = nullptr;
+};
+
+}  // namespace graybox
