@@ -155,7 +155,8 @@ struct Diagnosis {
   // Where something changes while it is recorded: the verdict then is `unknown`, whatever laws fit.
   std::optional<TimeVariation> time_variation;
   bool time_variation_was_tested = false;  // else it can't be told from these recordings
-  bool verified = false;                   // the rest passed the test of step 6
+  std::vector<LawTrend> trends;  // of the effects, where the noise is not known; none: not tested
+  bool verified = false;         // the rest passed the test of step 6
   // Whether it could be asked if the laws found only resemble what is there; where they do, and no
   // other fit of their classes does not. Then, and where laws share a characteristic, the verdict
   // is `unknown`.

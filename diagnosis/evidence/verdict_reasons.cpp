@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/evidence/trend_reason.hpp"
+
 namespace graybox {
 namespace {
 
@@ -314,7 +316,11 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
   }
   append(law_reasons(diagnosis), reasons);
   append(rest_reasons(diagnosis, options), reasons);
-  reasons.push_back(change_reason(diagnosis, options));
+  if (!diagnosis.noise_is_known && !diagnosis.effects.empty() && !diagnosis.trends.empty()) {
+    reasons.push_back(trend_reason(diagnosis.trends, diagnosis.effects, ""));
+  } else {
+    reasons.push_back(change_reason(diagnosis, options));
+  }
   if (diagnosis.noise_is_known) append(shape_reasons(diagnosis), reasons);
   if (diagnosis.noise_is_known && diagnosis.validation_after) {
     VerdictReason predicts =

@@ -53,6 +53,7 @@ void verify_rest(SearchState& state) {
     state.result.pictures = state.problem->force_pictures(state.result.after);
   }
   if (!state.problem->noise_is_known()) {
+    state.result.trends = state.problem->trends(state.result.after);
     verify_without_noise(state);
     return;
   }

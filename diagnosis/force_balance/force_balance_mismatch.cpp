@@ -13,6 +13,7 @@
 #include "diagnosis/force_balance/balance_pictures.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/balance_scores.hpp"
+#include "diagnosis/force_balance/balance_trends.hpp"
 #include "diagnosis/force_balance/remaining_structure.hpp"
 #include "diagnosis/force_balance/rival_motions.hpp"
 #include "diagnosis/force_balance_data/derivative_noise.hpp"
@@ -180,6 +181,17 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
 
   [[nodiscard]] std::optional<double> remaining_structure(const ExtendedFit& fit) const override {
     return graybox::remaining_structure(data_.estimation, residuals(fit, data_.estimation));
+  }
+
+  [[nodiscard]] std::vector<LawTrend> trends(const ExtendedFit& fit) const override {
+    std::vector<PlacedLaw> laws;
+    for (const FittedLaw& law : fit.laws) laws.push_back(fitter_.placed_of(fit, law));
+    std::vector<LawTrend> trends = balance_trends(data_, laws, residuals(fit, data_.estimation));
+    for (LawTrend& trend : trends) {
+      const Hypothesis& hypothesis = hypotheses_.all()[fit.laws[trend.law].hypothesis];
+      trend.law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
+    }
+    return trends;
   }
 
   [[nodiscard]] std::optional<double> autocorrelated_error(const ExtendedFit& fit) const override {

@@ -22,6 +22,7 @@
 
 #include "diagnosis/hypotheses/candidate_place.hpp"
 #include "diagnosis/hypotheses/channel_faults.hpp"
+#include "diagnosis/hypotheses/law_trend.hpp"
 #include "diagnosis/hypotheses/next_experiment.hpp"
 #include "diagnosis/hypotheses/score_test.hpp"
 #include "problems/laws/law_catalogue.hpp"
@@ -352,6 +353,12 @@ class MismatchProblem {
   // motion either.
   [[nodiscard]] virtual std::optional<TimeVariation> time_variation(const ExtendedFit& /*fit*/,
                                                                     double /*gain*/) const {
+    return {};
+  }
+
+  // Where the noise is not known: how each law of the fit changes with time, place or speed, in
+  // their order. None where that can't be told.
+  [[nodiscard]] virtual std::vector<LawTrend> trends(const ExtendedFit& /*fit*/) const {
     return {};
   }
 

@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
 
 #include "diagnosis/prediction_error/prediction_curves.hpp"
@@ -34,32 +33,6 @@ constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
-
-struct Covariate {
-  LawTrend::On on = LawTrend::On::kTime;
-  VectorXd values;  // over one, from least to most
-};
-
-// A line and a wave over the way that was gone.
-void add_waves(const VectorXd& position, std::vector<Covariate>& covariates) {
-  const double low = position.minCoeff(), range = position.maxCoeff() - low;
-  if (!(range > 0.0)) return;
-  const Eigen::ArrayXd share = (position.array() - low) / range;
-  const Eigen::ArrayXd angle = 2.0 * std::numbers::pi * share;
-  covariates.push_back({LawTrend::On::kPosition, share.matrix()});
-  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.cos()).matrix()});
-  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.sin()).matrix()});
-}
-
-// Slow or fast, there or back.
-void add_rates(const VectorXd& rate, std::vector<Covariate>& covariates) {
-  constexpr double kSlow = 0.3;  // of the rms
-  const double scale = kSlow * std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
-  if (!(scale > 0.0)) return;
-  const Eigen::ArrayXd share = rate.array() / scale;
-  covariates.push_back({LawTrend::On::kSpeed, (-share.abs()).exp().matrix()});
-  covariates.push_back({LawTrend::On::kDirection, (0.5 * share.tanh()).matrix()});
-}
 
 }  // namespace
 
@@ -330,25 +303,29 @@ std::vector<LawTrend> FinalFit::trends() const {
   for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
     const PlacedFinding& law = fit.model.laws[l];
     const Location& place = fit.model.model.parts[law.part].location;
-    std::vector<Covariate> covariates{{LawTrend::On::kTime, along.time()}};
+    std::vector<TrendCovariate> covariates{{LawTrend::On::kTime, along.time()}};
     if (place.kind == LocationKind::kElement) {
       const Index coordinates = motion.cols() / 2;
-      if (measures_position) add_waves(motion.leftCols(coordinates) * place.input, covariates);
-      add_rates(motion.rightCols(coordinates) * place.input, covariates);
+      if (measures_position) {
+        append_position_covariates(motion.leftCols(coordinates) * place.input, covariates);
+      }
+      append_rate_covariates(motion.rightCols(coordinates) * place.input, covariates);
     }
     const std::size_t first = fit.model.first_parameter(law.part);
     const std::size_t count = fit.model.model.parts[law.part].parameters.size();
-    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0};
+    const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
+    const std::string law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, law_at};
     for (std::size_t i = 0; i < fit.free.size(); ++i) {
       if (fit.free[i] < first || fit.free[i] >= first + count) continue;
       const ParameterSpace& space = fit.model.space[fit.free[i]];
       const double value = fit.model.model.parameters[fit.free[i]].value;
       const double unit = space.logarithmic ? std::abs(value) : space.scale;
-      for (const Covariate& with : covariates) {
+      for (const TrendCovariate& with : covariates) {
         const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
         if (std::abs(trend.z) <= std::abs(most.z)) continue;
         const double half = 0.5 * unit * trend.slope;
-        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z};
+        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at};
       }
     }
     trends.push_back(most);

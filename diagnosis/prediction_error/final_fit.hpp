@@ -22,6 +22,7 @@
 #include <optional>
 #include <vector>
 
+#include "diagnosis/hypotheses/law_trend.hpp"
 #include "diagnosis/prediction_error/prediction_hypotheses.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/unmodelled_force.hpp"
@@ -46,17 +47,6 @@ struct HeldOutError {
 
 // rms over outputs of errors over their scales.
 [[nodiscard]] double relative_size(const Eigen::VectorXd& error, const Eigen::VectorXd& scale);
-
-// A parameter of a law that changes with what it should not depend on (parameter_trend.hpp), in its
-// unit.
-struct LawTrend {
-  enum class On : std::uint8_t { kTime, kPosition, kSpeed, kDirection };
-  std::size_t law = 0, parameter = 0;
-  On on = On::kTime;
-  // First and last; least and most along the way; fast and slow; backwards and forwards.
-  double from = 0.0, to = 0.0;
-  double z = 0.0;
-};
 
 class FinalFit {
  public:

@@ -12,7 +12,7 @@ using Eigen::VectorXd;
 
 constexpr double kFewestPeriods = 1.5, kStep = 0.25;  // within the range
 constexpr double kMostPeriods = 300.0;
-constexpr double kSamplesAPeriod = 8.0;  // at the ninth decile of the speed
+constexpr double kSamplesAPeriod = 4.0;  // at the ninth decile of the speed
 constexpr std::size_t kTrials = 2;
 constexpr std::size_t kFewest = 100;  // samples
 

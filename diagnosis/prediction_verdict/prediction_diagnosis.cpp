@@ -75,6 +75,7 @@ class DiagnosisBuilder {
         implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
     result_.interrupted = from_.findings->stopped;
     result_.kept_out_change = change_of_kept_out();
+    if (!result_.effects.empty()) result_.trends = from_.final->trends();
     result_.reasons = reasons.of(result_);
     result_.verdict = verdict_of(result_.reasons);
     result_.verified =
@@ -373,7 +374,7 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
                                           const Campaign& campaign,
                                           const PredictionFindings& findings, const FinalFit& final,
                                           int threads) {
-  constexpr double kErrors = 4.0, kLess = 0.9;  // z, and of the error
+  constexpr double kErrorsApart = 4.0, kLess = 0.9;  // z, and of the error
   if (campaign.hold != InputHold::kZero || findings.stopped ||
       !std::isfinite(data.largest_force())) {
     return {};
@@ -389,7 +390,7 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
         compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
     if (each.usable && each.z > both.z) both = each;
   }
-  const bool is_better = both.usable && both.z > kErrors && both.error_other < kLess * both.error;
+  const bool is_better = both.usable && both.z > kErrorsApart && both.error_other < kLess * both.error;
   if (!is_better) return {};
   return both;
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/evidence/trend_reason.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 
 namespace graybox {
@@ -26,9 +27,8 @@ constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard e
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
-constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
-constexpr double kStructureLimit = 3.0;                  // % of the forces that act
-constexpr double kRestLimit = 15.0;                      // % of them
+constexpr double kStructureLimit = 3.0;  // % of the forces that act
+constexpr double kRestLimit = 15.0;      // % of them
 
 bool is_stiffness(const std::string& unit) { return unit == "N/m" || unit == "N m/rad"; }
 
@@ -43,41 +43,6 @@ VerdictReason test(std::string name, std::optional<double> value, double limit, 
   if (!passed) reason.next = std::move(next);
   if (reason.next.ends_with('.')) reason.next.pop_back();
   return reason;
-}
-
-std::string trend_words(const LawTrend& trend, const std::string& unit) {
-  switch (trend.on) {
-    case LawTrend::On::kTime:
-      return fmt::format("about {:.3g} {} where recordings begin, {:.3g} where they end",
-                         trend.from, unit, trend.to);
-    case LawTrend::On::kPosition:
-      return fmt::format("between about {:.3g} and {:.3g} {} along the way",
-                         std::min(trend.from, trend.to), std::max(trend.from, trend.to), unit);
-    case LawTrend::On::kSpeed:
-      return fmt::format("about {:.3g} {} in fast motion, {:.3g} in slow motion", trend.from, unit,
-                         trend.to);
-    case LawTrend::On::kDirection:
-      return fmt::format("about {:.3g} {} one way, {:.3g} the other", trend.from, unit, trend.to);
-  }
-  return {};
-}
-
-std::string trend_advice(LawTrend::On on) {
-  switch (on) {
-    case LawTrend::On::kTime:
-      return "look for what changes while it is recorded, as a temperature, a load or wear; "
-             "record it, and fit the beginning and the end by themselves";
-    case LawTrend::On::kPosition:
-      return "look at the place where it changes, as a worn guide, a screw or a cable; record "
-             "slow motion over the whole way";
-    case LawTrend::On::kSpeed:
-      return "record slow motion and standstill beside fast motion: another law of the speed "
-             "fits better, as friction that falls with speed";
-    case LawTrend::On::kDirection:
-      return "record the same motion both ways: a constant force, or friction that differs by "
-             "direction, is missing";
-  }
-  return {};
 }
 
 std::string advice_on(const LatentStructure& structure) {
@@ -208,37 +173,6 @@ void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
                       "the fit"));
 }
 
-// A law that holds on the average only.
-void PredictionReasons::add_trend(const Diagnosis& diagnosis,
-                                  std::vector<VerdictReason>& list) const {
-  const std::vector<LawTrend> trends = from_.final->trends();
-  const LawTrend* worst = nullptr;
-  for (const LawTrend& trend : trends) {
-    const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
-    const bool is_much = std::abs(trend.to - trend.from) > kTrendShare * larger;
-    if (is_much && (worst == nullptr || std::abs(trend.z) > std::abs(worst->z))) worst = &trend;
-  }
-  const std::string tested = "what was found changes with time, place or speed";
-  if (worst == nullptr) {
-    VerdictReason reason = test(tested + ", standard errors", 0.0, kTrendErrors, true, "");
-    if (trends.empty()) reason.not_tested = "the recordings are one window each";
-    list.push_back(std::move(reason));
-    return;
-  }
-  const FittedLaw& law = diagnosis.effects[worst->law].law;
-  const Hypothesis& hypothesis = from_.hypotheses->hypotheses()[law.hypothesis];
-  const LawParameterEstimate& parameter = law.parameters[worst->parameter];
-  const double z = std::abs(worst->z);
-  // A law of the speed stands in for another one, at its place.
-  const bool is_of_speed =
-      worst->on == LawTrend::On::kSpeed || worst->on == LawTrend::On::kDirection;
-  const Verdict otherwise = is_of_speed ? Verdict::kAmbiguous : Verdict::kUnknown;
-  list.push_back(
-      test(fmt::format("{} ({} of {} at {}: {}), standard errors", tested, parameter.name,
-                       hypothesis.law, hypothesis.place, trend_words(*worst, parameter.unit)),
-           z, kTrendErrors, z <= kTrendErrors, trend_advice(worst->on), otherwise));
-}
-
 void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
   const std::optional<FinalFit::Growth> growth = from_.final->growth();
@@ -346,7 +280,10 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);
   // The first that fails decides, and this may say `ambiguous`.
-  if (laws > 0.0) add_trend(diagnosis, list);
+  if (laws > 0.0) {
+    list.push_back(trend_reason(diagnosis.trends, diagnosis.effects,
+                                "the recordings are one window each"));
+  }
   add_determination(diagnosis, Verdict::kAmbiguous, list);
   if (!diagnosis.validation_after) list.push_back(nothing_kept_out());
   std::size_t rivals = 0;

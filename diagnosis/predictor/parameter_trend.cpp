@@ -1,8 +1,10 @@
 #include "diagnosis/predictor/parameter_trend.hpp"
 
 #include <Eigen/QR>
-#include <algorithm>
 #include <cmath>
+#include <vector>
+
+#include "diagnosis/hypotheses/law_trend.hpp"
 
 namespace graybox {
 namespace {
@@ -28,20 +30,9 @@ ParameterTrends::ParameterTrends(const PredictionTask& task, Index outputs,
     : task_(&task), outputs_(outputs), fit_(&fit), basis_(basis_of(fit.jacobian)) {}
 
 VectorXd ParameterTrends::time() const {
-  Index longest = 1, samples = 0;
-  for (const PredictionRun& run : task_->runs) {
-    longest = std::max(longest, run.samples);
-    samples += run.samples;
-  }
-  VectorXd times(samples);
-  Index at = 0;
-  for (const PredictionRun& run : task_->runs) {
-    const double middle = 0.5 * static_cast<double>(run.samples - 1);
-    for (Index k = 0; k < run.samples; ++k) {
-      times(at++) = (static_cast<double>(k) - middle) / static_cast<double>(longest);
-    }
-  }
-  return times;
+  std::vector<Index> samples;
+  for (const PredictionRun& run : task_->runs) samples.push_back(run.samples);
+  return time_covariate(samples);
 }
 
 ParameterTrend ParameterTrends::with(const VectorXd& covariate, Index column) const {

@@ -26,8 +26,7 @@ class ParameterTrends {
   // Both are kept by reference. `task`: that of the fit.
   ParameterTrends(const PredictionTask& task, Eigen::Index outputs, const PredictionFit& fit);
 
-  // Time within a recording, over the longest recording's length: -1/2 ... 1/2 at most. A value for
-  // each sample of all runs, as every covariate.
+  // Time within each run (law_trend.hpp). A value for each sample of all runs, as every covariate.
   [[nodiscard]] Eigen::VectorXd time() const;
   // The trend of the parameter in this column of the fit's Jacobian.
   [[nodiscard]] ParameterTrend with(const Eigen::VectorXd& covariate, Eigen::Index column) const;

@@ -132,6 +132,15 @@ std::string inertia_words(const Hypothesis& hypothesis, const FittedLaw& law) {
   return fmt::format("carries the load's inertia: {:.3g} {}", inertia.value, inertia.unit);
 }
 
+// A damping for each direction, of which the model has a part already: so one may be negative.
+std::string direction_words(const LawParameterEstimate& forward,
+                            const LawParameterEstimate& backward) {
+  const double more = forward.value - backward.value;
+  return fmt::format("moves harder {} than {}, by {:.3g} {} of viscous friction",
+                     more > 0.0 ? "forward" : "backward", more > 0.0 ? "backward" : "forward",
+                     std::abs(more), forward.unit);
+}
+
 // What the numbers say in place of the law's usual words; empty: those.
 std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
   if (hypothesis.law == "stribeck") {
@@ -154,7 +163,10 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
   for (const std::string_view kind : {"damping", "level"}) {
     const LawParameterEstimate *forward = parameter(law, fmt::format("forward_{}", kind)),
                                *backward = parameter(law, fmt::format("backward_{}", kind));
-    if (forward != nullptr && backward != nullptr && compared(*forward, *backward) == 0) {
+    if (forward == nullptr || backward == nullptr) continue;
+    const bool has_negative = forward->value < 0.0 || backward->value < 0.0;
+    if (kind == "damping" && has_negative) return direction_words(*forward, *backward);
+    if (compared(*forward, *backward) == 0) {
       return kind == "level" ? "has dry friction, the same in both directions"
                              : "has viscous friction, the same in both directions";
     }

@@ -270,6 +270,39 @@ Json time_variation_json(const std::optional<TimeVariation>& variation) {
           {"alternatives", variation->alternatives}};
 }
 
+std::string covariate_name(LawTrend::On on) {
+  switch (on) {
+    case LawTrend::On::kTime:
+      return "time";
+    case LawTrend::On::kPosition:
+      return "position";
+    case LawTrend::On::kSpeed:
+      return "speed";
+    case LawTrend::On::kDirection:
+      return "direction";
+  }
+  return {};
+}
+
+Json trends_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
+  Json list = Json::array();
+  for (const LawTrend& trend : diagnosis.trends) {
+    if (trend.law >= diagnosis.effects.size()) continue;
+    const FittedLaw& law = diagnosis.effects[trend.law].law;
+    const Hypothesis& hypothesis = hypotheses[law.hypothesis];
+    const LawParameterEstimate& parameter = law.parameters[trend.parameter];
+    list.push_back({{"place", hypothesis.place},
+                    {"law", hypothesis.law},
+                    {"parameter", parameter.name},
+                    {"unit", parameter.unit},
+                    {"with", covariate_name(trend.on)},
+                    {"from", number(trend.from)},
+                    {"to", number(trend.to)},
+                    {"standard_errors", number(std::abs(trend.z))}});
+  }
+  return list;
+}
+
 Json departures_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
   Json list = Json::array();
   for (const Departure& departure : diagnosis.departures) {
@@ -448,6 +481,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"mismatch", mismatch_json(diagnosis, hypotheses)},
       {"time_variation", time_variation_json(diagnosis.time_variation)},
       {"time_variation_tested", diagnosis.time_variation_was_tested},
+      {"trends", trends_json(diagnosis, hypotheses)},
       {"physics", physics},
       {"rejected", rejected_json(diagnosis, hypotheses)},
       {"late_channels", late_channels_json(diagnosis)},

@@ -23,6 +23,8 @@
 //    "time_variation": {"place", "coefficient", "deviation", "unit", "frequency_hz", "duration_s",
 //                       "p_value", "alternatives": ["damping at joint_2.motor"]},
 //    "time_variation_tested": true,
+//    "trends": [{"place", "law", "parameter", "unit", "with": "time", "from", "to",
+//                "standard_errors"}],
 //    "physics": [{"name": ..., "place": ..., "location": {...}, "law": "cubic_spring",
 //                 "parameters": {"stiffness": {"value", "standard_error", "unit"}},
 //                 "explained_share": 0.99, "bic_difference", "held_out_gain",
@@ -65,7 +67,9 @@
 // to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the
 // search takes leave more than noise. The field `time_variation` is null where nothing was seen to
 // change while it is recorded (time_variation.hpp). Whether that could be told says
-// `time_variation_tested`. The list `departures` (law_departure.hpp) has places where the laws
+// `time_variation_tested`. The list `trends` (law_trend.hpp) says of each law found, where the
+// noise is not known, with what its parameter changes most: `time`, `position`, `speed` or
+// `direction`. The list `departures` (law_departure.hpp) has places where the laws
 // found only resemble what is there, and the law that would explain most of the rest. Whether that
 // could be asked says `shapes_compared` (noise known, the rest no more than that, another law to
 // ask for). The list `shared_characteristics` has places where several laws describe one spring or

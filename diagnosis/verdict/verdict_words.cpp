@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/evidence/trend_reason.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
@@ -474,6 +475,15 @@ void add_moved_channels(const Diagnosis& diagnosis, std::vector<std::string>& li
   }
 }
 
+std::vector<std::string> trend_lines(const Diagnosis& diagnosis) {
+  std::vector<std::string> lines;
+  for (const LawTrend& trend : told_trends(diagnosis.trends)) {
+    lines.push_back(fmt::format("Changes: {} ({:.2g} standard errors from none).",
+                                trend_words(trend, diagnosis.effects), std::abs(trend.z)));
+  }
+  return lines;
+}
+
 std::string change_words(const TimeVariation& change, bool has_effects) {
   const std::string unit = change.unit == "1" ? "" : " " + change.unit;
   const bool is_slow = change.frequency * change.duration < 1.5;
@@ -679,6 +689,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   std::string trial = unfinished_words(diagnosis, hypotheses);
   if (!trial.empty()) lines.push_back(std::move(trial));
   add(friction_lines(diagnosis, hypotheses));
+  if (is_sound) add(trend_lines(diagnosis));
   add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {

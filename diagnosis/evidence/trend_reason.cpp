@@ -1,0 +1,123 @@
+#include "diagnosis/evidence/trend_reason.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace graybox {
+namespace {
+
+constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
+
+// Beyond zero the line of the trend says no more than "none".
+struct Course {
+  std::string from, to, least, most;
+};
+
+Course course_in_words(const LawTrend& trend) {
+  const bool changes_sign = trend.from * trend.to < 0.0;
+  const bool is_from_smaller = std::abs(trend.from) < std::abs(trend.to);
+  const auto words = [&](double value, bool is_smaller) {
+    return changes_sign && is_smaller ? std::string("none") : fmt::format("{:.3g}", value);
+  };
+  Course course;
+  course.from = words(trend.from, is_from_smaller);
+  course.to = words(trend.to, !is_from_smaller);
+  const bool rises = trend.from < trend.to;
+  course.least = rises ? course.from : course.to;
+  course.most = rises ? course.to : course.from;
+  return course;
+}
+
+std::string course_of(const LawTrend& trend, const std::string& unit) {
+  const Course course = course_in_words(trend);
+  switch (trend.on) {
+    case LawTrend::On::kTime:
+      return fmt::format("about {} {} where recordings begin, {} where they end", course.from, unit,
+                         course.to);
+    case LawTrend::On::kPosition:
+      return fmt::format("between about {} and {} {} along the way", course.least, course.most,
+                         unit);
+    case LawTrend::On::kSpeed:
+      return fmt::format("about {} {} in fast motion, {} in slow motion", course.from, unit,
+                         course.to);
+    case LawTrend::On::kDirection:
+      return fmt::format("about {} {} one way, {} the other", course.from, unit, course.to);
+  }
+  return {};
+}
+
+std::string trend_advice(LawTrend::On on) {
+  switch (on) {
+    case LawTrend::On::kTime:
+      return "look for what changes while it is recorded, as a temperature, a load or wear; "
+             "record it, and fit the beginning and the end by themselves";
+    case LawTrend::On::kPosition:
+      return "look at the place where it changes, as a worn guide, a screw or a cable; record "
+             "slow motion over the whole way";
+    case LawTrend::On::kSpeed:
+      return "record slow motion and standstill beside fast motion: another law of the speed "
+             "fits better, as friction that falls with speed";
+    case LawTrend::On::kDirection:
+      return "record the same motion both ways: a constant force, or friction that differs by "
+             "direction, is missing";
+  }
+  return {};
+}
+
+bool is_much(const LawTrend& trend) {
+  const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
+  return std::abs(trend.to - trend.from) > kTrendShare * larger;
+}
+
+const LawTrend* worst_of(std::span<const LawTrend> trends) {
+  const LawTrend* worst = nullptr;
+  for (const LawTrend& trend : trends) {
+    const bool is_worse = worst == nullptr || std::abs(trend.z) > std::abs(worst->z);
+    if (is_much(trend) && is_worse) worst = &trend;
+  }
+  return worst;
+}
+
+}  // namespace
+
+VerdictReason trend_reason(std::span<const LawTrend> trends, std::span<const FoundEffect> effects,
+                           const char* why_not) {
+  VerdictReason reason;
+  reason.test = "what was found changes with time, place or speed";
+  reason.limit = kTrendErrors;
+  const LawTrend* const worst = worst_of(trends);
+  if (worst == nullptr) {
+    reason.test += ", standard errors";
+    if (trends.empty()) reason.not_tested = why_not;
+    if (!trends.empty()) reason.value = 0.0;
+    return reason;
+  }
+  reason.test += fmt::format(" ({}), standard errors", trend_words(*worst, effects));
+  reason.value = std::abs(worst->z);
+  reason.passed = *reason.value <= kTrendErrors;
+  if (reason.passed) return reason;
+  reason.next = trend_advice(worst->on);
+  if (worst->on != LawTrend::On::kTime) reason.otherwise = Verdict::kAmbiguous;
+  return reason;
+}
+
+std::vector<LawTrend> told_trends(std::span<const LawTrend> trends) {
+  std::vector<LawTrend> told;
+  for (const LawTrend& trend : trends) {
+    if (is_much(trend) && std::abs(trend.z) > kTrendErrors) told.push_back(trend);
+  }
+  std::ranges::stable_sort(
+      told, [](const LawTrend& a, const LawTrend& b) { return std::abs(a.z) > std::abs(b.z); });
+  return told;
+}
+
+std::string trend_words(const LawTrend& trend, std::span<const FoundEffect> effects) {
+  const LawParameterEstimate& parameter = effects[trend.law].law.parameters[trend.parameter];
+  return fmt::format("{} of {}: {}", parameter.name, trend.law_at,
+                     course_of(trend, parameter.unit));
+}
+
+}  // namespace graybox

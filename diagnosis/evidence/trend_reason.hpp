@@ -1,0 +1,27 @@
+// The test whether a law that was found holds on the average only: whether one of its parameters
+// changes with the time, the position or the speed (law_trend.hpp).
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "diagnosis/evidence/diagnosis.hpp"
+#include "diagnosis/hypotheses/law_trend.hpp"
+
+namespace graybox {
+
+// Fails where the most significant trend, of those that change a parameter by more than a tenth, is
+// 4.5 standard errors from none. The verdict is `unknown` where something changes with time; else
+// the law stands in for another one at its place (`ambiguous`). `trends`: of the effects found;
+// none: not tested, for the reason `why_not`.
+[[nodiscard]] VerdictReason trend_reason(std::span<const LawTrend> trends,
+                                         std::span<const FoundEffect> effects, const char* why_not);
+
+// Those that make this test fail, most significant first.
+[[nodiscard]] std::vector<LawTrend> told_trends(std::span<const LawTrend> trends);
+
+// "level of coulomb at axis: about 8.7 N m where recordings begin, 5.2 where they end".
+[[nodiscard]] std::string trend_words(const LawTrend& trend, std::span<const FoundEffect> effects);
+
+}  // namespace graybox

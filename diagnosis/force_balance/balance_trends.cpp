@@ -1,0 +1,127 @@
+#include "diagnosis/force_balance/balance_trends.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "diagnosis/force_balance/balance_regression.hpp"
+#include "diagnosis/force_balance/balance_uncertainty.hpp"
+#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
+#include "diagnosis/signals/long_run_variance.hpp"
+
+namespace graybox {
+namespace {
+
+using Index = Eigen::Index;
+
+constexpr double kImitated = 1e-3;  // of a direction's square: the other columns take all of it
+
+// Samples of each recording, whose pieces follow one another.
+std::vector<Index> samples_of_recordings(const ForceBalanceRows& rows) {
+  std::vector<Index> samples;
+  for (std::size_t piece = 0; piece < rows.pieces.size(); ++piece) {
+    const bool is_new = piece == 0 || rows.names[piece] != rows.names[piece - 1];
+    if (is_new) samples.push_back(0);
+    samples.back() += rows.pieces[piece].samples();
+  }
+  return samples;
+}
+
+std::vector<TrendCovariate> covariates_at(const PlacedLaw& law, const ForceBalanceData& data) {
+  const ForceBalanceRows& rows = data.estimation;
+  std::vector<TrendCovariate> covariates{
+      {LawTrend::On::kTime, time_covariate(samples_of_recordings(rows))}};
+  if (!data.position_is_recorded || law.place->location.is_flange) return covariates;
+  Eigen::VectorXd position(rows.samples());
+  Index at = 0;
+  for (const Motion& piece : rows.pieces) {
+    position.segment(at, piece.samples()) = motion_at(*law.place, piece).deflection;
+    at += piece.samples();
+  }
+  append_position_covariates(position, covariates);
+  return covariates;
+}
+
+class BalanceTrends {
+ public:
+  BalanceTrends(const ForceBalanceData& data, std::span<const PlacedLaw> laws,
+                const Eigen::MatrixXd& residuals)
+      : rows_(data.estimation), noise_(rms_of(rows_, residuals)), rest_(residuals) {
+    columns_ = information_columns(data, laws, noise_, of_laws_);
+    model_ = rows_.model.count;
+    basis_.resize(columns_.rows(), 0);
+    is_seen_ = extend_basis(columns_, basis_);
+    rest_ = residuals * noise_.cwiseInverse().asDiagonal();
+    for (const Motion& piece : rows_.pieces) pieces_.push_back(piece.samples());
+  }
+
+  [[nodiscard]] LawTrend most_of(std::size_t l, const PlacedLaw& law,
+                                 const std::vector<TrendCovariate>& covariates) const {
+    std::vector<std::size_t> asked = law.linear();
+    if (const std::vector<std::size_t> scaled = law.scaled(); !scaled.empty()) {
+      asked.push_back(scaled.front());
+    }
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0};
+    for (std::size_t k = 0; k < of_laws_.size(); ++k) {
+      const LawColumn& column = of_laws_[k];
+      if (column.law != l || std::ranges::count(asked, column.parameter) == 0) continue;
+      if (!is_seen_[static_cast<std::size_t>(model_) + k]) continue;
+      for (const TrendCovariate& with : covariates) {
+        const auto [slope, z] = trend(columns_.col(model_ + static_cast<Index>(k)), with.values);
+        if (std::abs(z) <= std::abs(most.z)) continue;
+        const double value = law.parameters[column.parameter], half = 0.5 * slope;
+        most = {l, column.parameter, with.on, value - half, value + half, z};
+      }
+    }
+    return most;
+  }
+
+ private:
+  // Slope and z.
+  [[nodiscard]] std::pair<double, double> trend(const Eigen::VectorXd& column,
+                                                const Eigen::VectorXd& covariate) const {
+    const Index samples = rows_.samples(), coordinates = rows_.coordinates();
+    Eigen::VectorXd moved = column;
+    const double mean = covariate.mean();
+    for (Index j = 0; j < coordinates; ++j) {
+      moved.segment(j * samples, samples).array() *= covariate.array() - mean;
+    }
+    const double all = moved.squaredNorm();
+    moved -= basis_ * (basis_.transpose() * moved);
+    const double square = moved.squaredNorm();
+    if (!(square > kImitated * all)) return {0.0, 0.0};
+    const Eigen::Map<const Eigen::MatrixXd> own(moved.data(), samples, coordinates);
+    const double slope = own.cwiseProduct(rest_).sum() / square;
+    const Eigen::VectorXd score =
+        own.cwiseProduct(rest_ - slope * own).rowwise().sum();  // what the trend leaves
+    const PrewhitenedScores scores(score, pieces_);
+    const Index lags = andrews_lags(scores.whitened_correlations(), scores.samples());
+    const double variance = scores.long_run_variance(lags)(0, 0);
+    if (!(variance > 0.0)) return {0.0, 0.0};
+    return {slope, slope * square / std::sqrt(variance)};
+  }
+
+  const ForceBalanceRows& rows_;
+  Eigen::VectorXd noise_;
+  Eigen::MatrixXd rest_;     // residuals over the noise, samples x coordinates
+  Eigen::MatrixXd columns_;  // of all parameters, coordinate after coordinate
+  Eigen::MatrixXd basis_;
+  std::vector<bool> is_seen_;  // columns that those before leave something of
+  std::vector<LawColumn> of_laws_;
+  Index model_ = 0;  // columns of the model's own parameters
+  std::vector<Index> pieces_;
+};
+
+}  // namespace
+
+std::vector<LawTrend> balance_trends(const ForceBalanceData& data, std::span<const PlacedLaw> laws,
+                                     const Eigen::MatrixXd& residuals) {
+  const BalanceTrends trends(data, laws, residuals);
+  std::vector<LawTrend> result;
+  for (std::size_t l = 0; l < laws.size(); ++l) {
+    result.push_back(trends.most_of(l, laws[l], covariates_at(laws[l], data)));
+  }
+  return result;
+}
+
+}  // namespace graybox

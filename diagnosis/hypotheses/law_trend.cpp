@@ -1,0 +1,46 @@
+#include "diagnosis/hypotheses/law_trend.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace graybox {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+void append_position_covariates(const VectorXd& position, std::vector<TrendCovariate>& covariates) {
+  const double low = position.minCoeff(), range = position.maxCoeff() - low;
+  if (!(range > 0.0)) return;
+  const Eigen::ArrayXd share = (position.array() - low) / range;
+  const Eigen::ArrayXd angle = 2.0 * std::numbers::pi * share;
+  covariates.push_back({LawTrend::On::kPosition, share.matrix()});
+  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.cos()).matrix()});
+  covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.sin()).matrix()});
+}
+
+void append_rate_covariates(const VectorXd& rate, std::vector<TrendCovariate>& covariates) {
+  constexpr double kSlow = 0.3;  // of the rms
+  const double scale = kSlow * std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
+  if (!(scale > 0.0)) return;
+  const Eigen::ArrayXd share = rate.array() / scale;
+  covariates.push_back({LawTrend::On::kSpeed, (-share.abs()).exp().matrix()});
+  covariates.push_back({LawTrend::On::kDirection, (0.5 * share.tanh()).matrix()});
+}
+
+VectorXd time_covariate(const std::vector<Index>& samples) {
+  Index longest = 1;
+  for (const Index count : samples) longest = std::max(longest, count);
+  VectorXd times(std::accumulate(samples.begin(), samples.end(), Index{0}));
+  Index at = 0;
+  for (const Index count : samples) {
+    const double middle = 0.5 * static_cast<double>(count - 1);
+    for (Index k = 0; k < count; ++k) {
+      times(at++) = (static_cast<double>(k) - middle) / static_cast<double>(longest);
+    }
+  }
+  return times;
+}
+
+}  // namespace graybox

@@ -1,0 +1,40 @@
+// A parameter of a law that changes with what it should not depend on: with the time, as friction
+// that fades while a machine warms up; with the position, as friction of a worn guide.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace graybox {
+
+struct LawTrend {
+  enum class On : std::uint8_t { kTime, kPosition, kSpeed, kDirection };
+  std::size_t law = 0, parameter = 0;  // of those found, in their order
+  On on = On::kTime;
+  // First and last; least and most along the way; fast and slow; backwards and forwards. In the
+  // parameter's unit.
+  double from = 0.0, to = 0.0;
+  double z = 0.0;        // slope over its standard error
+  std::string law_at{};  // "coulomb at axis"
+};
+
+// What a parameter may change with: a value each sample, over one from least to most.
+struct TrendCovariate {
+  LawTrend::On on = LawTrend::On::kTime;
+  Eigen::VectorXd values;
+};
+
+// A line and a wave over the way that was gone; none where nothing moves.
+void append_position_covariates(const Eigen::VectorXd& position,
+                                std::vector<TrendCovariate>& covariates);
+// Slow or fast, there or back.
+void append_rate_covariates(const Eigen::VectorXd& rate, std::vector<TrendCovariate>& covariates);
+
+// Time within a recording, over the longest recording's length: -1/2 ... 1/2 at most. A value for
+// each sample of all recordings of so many samples, one after another.
+[[nodiscard]] Eigen::VectorXd time_covariate(const std::vector<Eigen::Index>& samples);
+
+}  // namespace graybox
