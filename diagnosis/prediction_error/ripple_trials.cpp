@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace graybox {
@@ -12,7 +13,9 @@ using Eigen::VectorXd;
 
 constexpr double kFewestPeriods = 1.5, kStep = 0.25;  // within the range
 constexpr double kMostPeriods = 300.0;
-constexpr double kSamplesAPeriod = 4.0;  // at the ninth decile of the speed
+constexpr double kSamplesAPeriod = 8.0;  // at the ninth decile of the speed
+// Of waves that come back so often that no spring looks like them, and then.
+constexpr double kManyPeriods = 4.0, kSamplesOfMany = 4.0;
 constexpr std::size_t kTrials = 2;
 constexpr std::size_t kFewest = 100;  // samples
 
@@ -33,17 +36,23 @@ RippleTrial at_order(const VectorXd& force, const VectorXd& position, double fre
   return trial;
 }
 
-// 1/unit of position, so that a period has enough samples.
-double highest_frequency(const VectorXd& position, const std::vector<Index>& moving, double range) {
+// The way between two samples of fast motion.
+double fast_step(const VectorXd& position, const std::vector<Index>& moving) {
   std::vector<double> steps;
   for (const Index k : moving) {
     if (k > 0) steps.push_back(std::abs(position(k) - position(k - 1)));
   }
-  if (steps.empty()) return 0.0;
+  if (steps.empty()) return std::numeric_limits<double>::infinity();
   const auto ninth =
       steps.begin() + static_cast<std::ptrdiff_t>(0.9 * static_cast<double>(steps.size()));
   std::ranges::nth_element(steps, ninth);
-  return std::min(kMostPeriods / range, 1.0 / (kSamplesAPeriod * std::max(*ninth, 1e-300)));
+  return *ninth;
+}
+
+// Whether a period has enough samples in fast motion.
+bool is_sampled(double frequency, double step, double range) {
+  const double samples = frequency * range >= kManyPeriods ? kSamplesOfMany : kSamplesAPeriod;
+  return frequency * samples * step <= 1.0;
 }
 
 }  // namespace
@@ -70,10 +79,10 @@ std::vector<RippleTrial> ripple_trials(const LatentForce& force) {
   pushed.array() -= pushed.mean();
   const double range = position.maxCoeff() - position.minCoeff();
   if (!(range > 0.0)) return {};
-  const double highest = highest_frequency(all, moving, range);
+  const double step = fast_step(all, moving);
   std::vector<RippleTrial> grid;
-  for (double f = kFewestPeriods / range; f <= highest; f += kStep / range) {
-    grid.push_back(at_order(pushed, position, f));
+  for (double f = kFewestPeriods / range; f <= kMostPeriods / range; f += kStep / range) {
+    if (is_sampled(f, step, range)) grid.push_back(at_order(pushed, position, f));
   }
   std::ranges::stable_sort(grid, std::greater{}, &RippleTrial::share);
   std::vector<RippleTrial> best;

@@ -35,7 +35,10 @@ EvenSamples::EvenSamples(const LogRecording& recording, const LogTime& time)
   const Eigen::VectorXd all = time.seconds() * column.values;
   const Index kept = (all.size() - from_ + every_ - 1) / every_;
   times_ = all(Eigen::seqN(from_, kept, every_));
-  const GaplessSamples stretch = longest_stretch(times_, kGap * step_);
+  if (times_.size() < 2) return;
+  const Index steps_taken = times_.size() - 1;
+  const double usual = longest_step(times_.tail(steps_taken) - times_.head(steps_taken));
+  const GaplessSamples stretch = longest_stretch(times_, std::max(kGap * step_, usual));
   constexpr Index kFewest = 5;
   if (stretch.count < kFewest) {
     times_.resize(0);

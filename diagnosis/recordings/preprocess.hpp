@@ -23,8 +23,8 @@
 // unwrap        whole periods of a counter (2^bits) or an angle (a turn) are added.
 //
 // resample      irregular times to even ones by the cubic through the four nearest samples; a step
-//               of more than three medians cuts the piece. What the interpolation is wrong by is a
-//               remark (sample_interpolation.hpp).
+//               longer than longest_step() (sample_interpolation.hpp) cuts the piece. What the
+//               interpolation is wrong by is a remark.
 // sign, scale   the channel times -1, or a factor, in its place.
 // advance       a late channel is read that much later, by the same cubic; pieces end that much
 //               earlier.

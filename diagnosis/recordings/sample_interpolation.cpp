@@ -17,7 +17,8 @@ using Index = Eigen::Index;
 using Values = Eigen::Ref<const Eigen::VectorXd>;
 
 constexpr double kLeftOut = 8.0;    // error of a sample left out over that between samples
-constexpr double kLongStep = 3.0;   // medians: nothing is interpolated across
+constexpr double kLongStep = 3.0;   // usual steps: nothing is interpolated across
+constexpr double kUsual = 0.95;     // of the steps are no longer
 constexpr double kLongest = 1.5;    // medians
 constexpr double kRounding = 1e-9;  // of a step
 
@@ -56,15 +57,14 @@ std::string error_words(const std::vector<SignalPiece>& pieces, Index channel) {
   return fmt::format("{:.2g} %", 100.0 * std::sqrt(squares / count) / deviation);
 }
 
-double median_step(const std::vector<SignalPiece>& pieces) {
+Eigen::VectorXd steps_of(const std::vector<SignalPiece>& pieces) {
   std::vector<double> steps;
   for (const SignalPiece& piece : pieces) {
     for (Index k = 1; k < piece.time.size(); ++k) {
       steps.push_back(piece.time(k) - piece.time(k - 1));
     }
   }
-  if (steps.empty()) return 0.0;
-  return quantile(Eigen::Map<const Eigen::VectorXd>(steps.data(), std::ssize(steps)), 0.5);
+  return Eigen::Map<const Eigen::VectorXd>(steps.data(), std::ssize(steps));
 }
 
 // Adds the stretches of a piece without a step above `longest`, evenly sampled.
@@ -104,6 +104,10 @@ Eigen::VectorXd interpolated(const Values& time, const Values& values, const Val
   return result;
 }
 
+double longest_step(const Values& steps) {
+  return steps.size() > 0 ? kLongStep * quantile(steps, kUsual) : 0.0;
+}
+
 double interpolation_error(const Values& time, const Values& values) {
   const Index size = time.size();
   if (size < 5) return 0.0;
@@ -122,20 +126,20 @@ void resample(const PreprocessData& context, const Resample& step) {
   if (data.sample_time) {
     context.fail("resample is for irregular samples; these are even: low_pass and decimate them");
   }
-  const double median = median_step(data.pieces);
-  if (step.sample_time > kLongest * median) {
+  const Eigen::VectorXd steps = steps_of(data.pieces);
+  const double median = steps.size() > 0 ? quantile(steps, 0.5) : 0.0;
+  if (steps.size() > 0 && step.sample_time > kLongest * std::max(median, steps.mean())) {
     context.fail(
         fmt::format("resample at {:g} s would fold what samples {:.4g} s apart hold; "
                     "resample at {:.4g} s, then low_pass and decimate",
                     step.sample_time, median, median));
   }
   std::vector<SignalPiece> even;
-  for (const SignalPiece& piece : data.pieces) {
-    add_even(piece, step.sample_time, kLongStep * median, even);
-  }
+  const double longest = longest_step(steps);
+  for (const SignalPiece& piece : data.pieces) add_even(piece, step.sample_time, longest, even);
   if (even.empty()) {
     context.fail(fmt::format("resample: no {} samples without a step above {:.4g} s",
-                             kShortestPiece, kLongStep * median));
+                             kShortestPiece, longest));
   }
   std::string errors;
   for (std::size_t k = 0; k < data.signals.size(); ++k) {

@@ -19,12 +19,17 @@ namespace graybox {
                                            const Eigen::Ref<const Eigen::VectorXd>& values,
                                            const Eigen::Ref<const Eigen::VectorXd>& at);
 
+// Nothing is interpolated across a step longer than that: three times what 19 in 20 of these steps
+// are at most. A logger that writes in bursts has many long steps, and they are no gaps. 0 for no
+// steps.
+[[nodiscard]] double longest_step(const Eigen::Ref<const Eigen::VectorXd>& steps);
+
 // rms error of interpolated() between these samples. 0 below five samples.
 [[nodiscard]] double interpolation_error(const Eigen::Ref<const Eigen::VectorXd>& time,
                                          const Eigen::Ref<const Eigen::VectorXd>& values);
 
 // The steps of campaign.hpp. Throw InputError: resample of even samples, at a step more than half
-// longer than the recorded one (that would fold), advance of a periodic excitation or by more than
+// longer than the recorded ones (their median and their mean: that would fold), advance of a periodic excitation or by more than
 // a piece has. Each leaves a remark with its error.
 void resample(const PreprocessData& context, const Resample& step);
 void advance_channels(const PreprocessData& context, const Advance& step);
