@@ -1,5 +1,7 @@
 #include "diagnosis/evidence/verification.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -39,6 +41,15 @@ void find_kept_out_change(SearchState& state) {
       kept_out_change(result.after, result.validation_after->nrmse, own, own.estimation.nrmse);
 }
 
+void find_trends(SearchState& state) {
+  const ExtendedFit& after = state.result.after;
+  state.result.trends = state.problem->trends(after);
+  for (LawTrend& trend : state.result.trends) {
+    const Hypothesis& hypothesis = state.problem->hypotheses()[after.laws[trend.law].hypothesis];
+    trend.law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
+  }
+}
+
 }  // namespace
 
 void verify_rest(SearchState& state) {
@@ -53,7 +64,7 @@ void verify_rest(SearchState& state) {
     state.result.pictures = state.problem->force_pictures(state.result.after);
   }
   if (!state.problem->noise_is_known()) {
-    state.result.trends = state.problem->trends(state.result.after);
+    find_trends(state);
     verify_without_noise(state);
     return;
   }

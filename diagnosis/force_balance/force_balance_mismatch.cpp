@@ -67,6 +67,11 @@ bool determines_model(const ForceBalanceRows& rows) {
 using ReadAgain =
     std::function<ForceBalanceData(const Eigen::VectorXd& advance, double body_uncertainty)>;
 
+bool is_told(const LatenessFit& lateness) {
+  return std::abs(lateness.seconds) < kLongestDelay && lateness.share > kLeastShare &&
+         lateness.share_held_out > kLeastShare;
+}
+
 // By so much the bodies of a drawing may be off at the worst.
 constexpr double kDoubt = 0.3;
 
@@ -186,12 +191,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] std::vector<LawTrend> trends(const ExtendedFit& fit) const override {
     std::vector<PlacedLaw> laws;
     for (const FittedLaw& law : fit.laws) laws.push_back(fitter_.placed_of(fit, law));
-    std::vector<LawTrend> trends = balance_trends(data_, laws, residuals(fit, data_.estimation));
-    for (LawTrend& trend : trends) {
-      const Hypothesis& hypothesis = hypotheses_.all()[fit.laws[trend.law].hypothesis];
-      trend.law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
-    }
-    return trends;
+    return balance_trends(data_, laws, residuals(fit, data_.estimation));
   }
 
   [[nodiscard]] std::optional<double> autocorrelated_error(const ExtendedFit& fit) const override {
@@ -362,10 +362,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         {data_.estimation, rest.col(coordinate), columns_on(coordinate, fit, data_.estimation)},
         {data_.validation, held_out.col(coordinate), columns_on(coordinate, fit, data_.validation)},
         coordinate);
-  }
-  [[nodiscard]] static bool is_told(const LatenessFit& lateness) {
-    return std::abs(lateness.seconds) < kLongestDelay && lateness.share > kLeastShare &&
-           lateness.share_held_out > kLeastShare;
   }
   // What is left of the lateness of each joint that was moved.
   [[nodiscard]] Eigen::VectorXd lateness_left(const ExtendedFit& fit) const {

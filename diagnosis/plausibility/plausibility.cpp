@@ -9,6 +9,8 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/plausibility/law_pairs.hpp"
+
 namespace graybox {
 namespace {
 
@@ -17,8 +19,6 @@ using Index = Eigen::Index;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kReachedErrors = 3.0;  // standard errors by which a size or threshold is beyond
 constexpr double kAtBound = 1e-3;       // of the bound
-constexpr double kOpposite = -0.95;     // correlation of two forces
-constexpr double kCancelled = 0.2;      // of each force, left by both
 constexpr double kSameShare = 0.05;     // of the largest change
 constexpr double kOneCombination = 0.9995;
 constexpr double kWeakError = 0.2;
@@ -44,6 +44,10 @@ constexpr Remedy kRemedies[] = {
      "dry friction is missing."},
     {PlausibilityRule::kSign, QuantityKind::kFriction,
      "Usually the force or velocity has the wrong sign, or a channel comes late."},
+    {PlausibilityRule::kZero, QuantityKind::kMass,
+     "Record motion that shows it: faster, with more starts and stops."},
+    {PlausibilityRule::kZero, QuantityKind::kInertia,
+     "Record motion that shows it: faster, with more starts and stops."},
     {PlausibilityRule::kZero, QuantityKind::kOther,
      "Leave it out, or record motion that shows it."},
     {PlausibilityRule::kBound, QuantityKind::kOther,
@@ -327,28 +331,23 @@ class Examination {
   }
 
   void examine_pairs() {
+    const bool has_spring = std::ranges::any_of(physics_.quantities, [](const auto& quantity) {
+      return quantity.law == PhysicalQuantity::kOfTheModel &&
+             quantity.kind == QuantityKind::kStiffness;
+    });
     for (std::size_t a = 0; a < physics_.laws.size(); ++a) {
       for (std::size_t b = a + 1; b < physics_.laws.size(); ++b) {
         const LawTrace &first = physics_.laws[a], &second = physics_.laws[b];
-        if (!cancel(first, second)) continue;
-        add(PlausibilityRule::kPair, first.name + " and " + second.name, 0.0,
-            fmt::format("{} and {} cancel: their sum is much smaller than each", first.name,
-                        second.name));
+        const std::string names = first.name + " and " + second.name;
+        if (cancel(first, second)) {
+          add(PlausibilityRule::kPair, names, 0.0,
+              names + " cancel: their sum is much smaller than each");
+        } else if (!has_spring && turns_round(first, second)) {
+          add(PlausibilityRule::kPair, names, 0.0,
+              names + " are a spring that pulls back near the middle and pushes away at the ends");
+        }
       }
     }
-  }
-
-  static bool cancel(const LawTrace& first, const LawTrace& second) {
-    const bool is_one_place = first.place == second.place;
-    const std::vector<double>& a = is_one_place ? first.force : first.acting;
-    const std::vector<double>& b = is_one_place ? second.force : second.acting;
-    if (a.empty() || a.size() != b.size()) return false;
-    const auto size = static_cast<Index>(a.size());
-    const Eigen::Map<const Eigen::VectorXd> of_first(a.data(), size), of_second(b.data(), size);
-    const double norm_1 = of_first.norm(), norm_2 = of_second.norm();
-    if (!(norm_1 > 0.0) || !(norm_2 > 0.0)) return false;
-    return of_first.dot(of_second) < kOpposite * norm_1 * norm_2 &&
-           (of_first + of_second).norm() < kCancelled * std::min(norm_1, norm_2);
   }
 
   // ---- what the data do not tell ----------------------------------------------------------------

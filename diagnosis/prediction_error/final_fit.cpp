@@ -696,8 +696,8 @@ std::vector<std::size_t> FinalFit::elsewhere(std::size_t hypothesis) const {
 bool FinalFit::take_plainer_laws() {
   bool has_changed = false;
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
-    const bool is_plainer =
-        take_plainer_law(l) || take_steep_friction(l) || take_friction_for_dead_drive(l);
+    const bool is_plainer = take_plainer_law(l) || take_steep_friction(l) ||
+                            take_friction_for_dead_drive(l) || take_rival_that_holds(l);
     has_changed |= is_plainer;
     l = is_plainer ? 0 : l + 1;
   }
@@ -903,6 +903,34 @@ bool FinalFit::take_friction_for_dead_drive(std::size_t law) {
   accepted_as_[taken] = accepted_as(placed.hypothesis);
   found_ = std::move(best);
   return true;
+}
+
+// A law that fits as well as its rivals and raises the error kept out, as a constant force for the
+// dry friction of motion one way: the rival that lowers that error most takes its place.
+bool FinalFit::take_rival_that_holds(std::size_t law) {
+  constexpr double kRaised = 1.05, kHolds = 0.7, kAsWell = 2.0;  // of the error; z
+  const PlacedFinding placed = found_.fit.model.laws[law];
+  const auto accepted =
+      std::ranges::find(findings_->laws, accepted_as(placed.hypothesis), &AcceptedLaw::hypothesis);
+  if (!data_->has_validation() || accepted == findings_->laws.end()) return false;
+  const JudgedModel without = judged(without_part(found_.fit.model, placed.part), kIterations);
+  const auto after = law_held_out(found_), before = law_held_out(without);
+  if (!after || !before) return false;
+  const VectorXd& scale = data_->output_scale();
+  const double alone = relative_size(before->error, scale);
+  if (relative_size(after->error, scale) < kRaised * alone) return false;
+  double least = kHolds * alone;
+  std::optional<JudgedModel> best;
+  for (const TriedLaw& tried : accepted->rivals) {
+    JudgedModel rival = with_law(without, tried.hypothesis);
+    const auto error = rival.fit.usable ? law_held_out(rival) : std::nullopt;
+    if (!error || relative_size(error->error, scale) >= least || z_over(rival) >= kAsWell) continue;
+    least = relative_size(error->error, scale);
+    accepted_as_[tried.hypothesis] = accepted->hypothesis;
+    best = std::move(rival);
+  }
+  if (best) found_ = *std::move(best);
+  return best.has_value();
 }
 
 JudgedModel FinalFit::best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,

@@ -146,6 +146,7 @@ class FinalFit {
                                           std::size_t hypothesis) const;
   bool take_steep_friction(std::size_t law);
   bool take_friction_for_dead_drive(std::size_t law);
+  bool take_rival_that_holds(std::size_t law);
   [[nodiscard]] bool predicts_further(JudgedModel& plainer) const;
   void add_short_ripples();
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;

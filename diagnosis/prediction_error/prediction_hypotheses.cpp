@@ -139,6 +139,9 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
              std::ranges::any_of(model.output_units,
                                  [](const std::string& unit) { return unit.starts_with("rad"); });
   has_known_scale_ = std::ranges::any_of(model.parameters, tells_scale);
+  measures_position_ = std::ranges::any_of(model.outputs, [](const LumpedOutput& output) {
+    return output.quantity == LumpedOutput::Quantity::kPosition;
+  });
   Location place;
   place.units = rotates_ ? PlaceUnits{"N m", "rad", "kg m^2"} : PlaceUnits{"N", "m", "kg"};
   place.takes_inertia = true;
@@ -202,8 +205,10 @@ void PredictionHypotheses::add_place(const Location& place, const std::string& y
   for (const std::string& law : kForceLaws) {
     if (law == "inertia" && !place.takes_inertia) continue;
     const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
-    if (law == "gravity" && !(rotates_ && is_one_mass)) continue;
-    if ((law == "mode" || law == "ripple") && !is_one_mass) continue;
+    if ((law == "mode" || law == "ripple" || law == "gravity") && !is_one_mass) continue;
+    // Where in its turn a recording begins is not known from velocities.
+    if ((law == "ripple" || law == "gravity") && !measures_position_) continue;
+    if (law == "gravity" && !rotates_) continue;
     add(place, yaml, law);
   }
 }

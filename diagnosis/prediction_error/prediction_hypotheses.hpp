@@ -77,6 +77,7 @@ class PredictionHypotheses {
   std::vector<Location> locations_;
   std::vector<double> input_peaks_, input_scales_;
   bool rotates_ = false;
+  bool measures_position_ = false;  // some output is a position
   bool has_known_scale_ = false;  // some parameter of the model is stated as known
 };
 

@@ -385,6 +385,58 @@ DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campa
   return *std::move(balanced);
 }
 
+// Whether recordings were kept out of the fit, and all are few: a law may need them all to show.
+bool are_few_with_some_kept_out(const Campaign& campaign) {
+  constexpr std::size_t kFew = 5000;  // samples
+  std::size_t samples = 0;
+  for (std::size_t i = 0; i < campaign.experiments.size() && samples <= kFew; ++i) {
+    samples += load_experiment(campaign, i).samples;
+  }
+  return samples <= kFew && std::ranges::count(campaign.experiments, ExperimentRole::kValidation,
+                                               &Experiment::role) > 0;
+}
+
+bool has_law_borne_out(const Diagnosis& diagnosis) {
+  return std::ranges::any_of(diagnosis.effects, [](const FoundEffect& effect) {
+    return !effect.held_out || !effect.held_out->misleads;
+  });
+}
+
+// A short log that is cut in two may show in neither part what it shows as a whole. Where no law
+// was found that holds on both, all recordings are fitted. Nothing is left to test what is found
+// then, so its verdict is `ambiguous` at best.
+struct AnswerOfAll {
+  Method method;
+  Campaign campaign;  // with none kept out
+  DiagnosisAnswer answer;
+};
+std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& request,
+                                        const Campaign& campaign, const Diagnosis& first) {
+  const bool is_asked = method.is_lumped && method.name != "periodic" &&
+                        first.verdict == Verdict::kUnknown && !has_law_borne_out(first) &&
+                        first.channel_faults.empty() && !first.interrupted;
+  if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
+  AnswerOfAll all{method, campaign, {}};
+  for (Experiment& experiment : all.campaign.experiments) {
+    if (experiment.role == ExperimentRole::kValidation) {
+      experiment.role = ExperimentRole::kEstimation;
+    }
+  }
+  all.answer = answer_by(all.method, request, all.campaign);
+  Diagnosis& diagnosis = all.answer.diagnosis;
+  const bool is_found = !diagnosis.interrupted && diagnosis.channel_faults.empty() &&
+                        !diagnosis.effects.empty() && is_of_a_machine(diagnosis);
+  if (!is_found) return {};
+  diagnosis.assumptions.push_back(
+      "The recordings of the fit alone show no law that holds on those kept out. So these were "
+      "fitted, too, and nothing has tested what was found.");
+  for (VerdictReason& reason : diagnosis.reasons) {
+    if (reason.test != kKeptOutTest) continue;
+    reason.next = "record more: these are too few to find a law in some and test it on the others";
+  }
+  return all;
+}
+
 // What a reader should know of the recordings.
 std::vector<std::string> all_warnings(const DiagnosisAnswer& answer, const Method& method,
                                       const Campaign& campaign, PageOrigin& origin) {
@@ -424,7 +476,7 @@ std::string DiagnosisAnswer::extended_model(const std::string& model,
 DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   const auto start = std::chrono::steady_clock::now();
   for (const std::string& file : request.law_files) add_law_file(file);
-  const Campaign campaign = read_campaign(request.campaign);
+  Campaign campaign = read_campaign(request.campaign);
   std::optional<ReportFolder> folder;
   if (!request.report.empty()) folder.emplace(request.report, kReportFiles);
   if (request.begin) request.begin();
@@ -433,6 +485,11 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   };
   Method method = chosen_method(request, campaign);
   DiagnosisAnswer answer = answer_by(method, request, campaign);
+  if (auto all = found_in_all(method, request, campaign, answer.diagnosis)) {
+    method = std::move(all->method);
+    campaign = std::move(all->campaign);
+    answer = std::move(all->answer);
+  }
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
   advise_on_rivals(answer.hypotheses(), answer.diagnosis);
   answer.method = method.name;

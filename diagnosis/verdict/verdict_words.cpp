@@ -475,8 +475,11 @@ void add_moved_channels(const Diagnosis& diagnosis, std::vector<std::string>& li
   }
 }
 
-std::vector<std::string> trend_lines(const Diagnosis& diagnosis) {
-  std::vector<std::string> lines;
+// Friction as its curve, and what of the laws changes.
+std::vector<std::string> lines_of_laws(const Diagnosis& diagnosis,
+                                       std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines = friction_lines(diagnosis, hypotheses);
+  if (excluding(diagnosis.implausible) > 0) return lines;
   for (const LawTrend& trend : told_trends(diagnosis.trends)) {
     lines.push_back(fmt::format("Changes: {} ({:.2g} standard errors from none).",
                                 trend_words(trend, diagnosis.effects), std::abs(trend.z)));
@@ -688,8 +691,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   }
   std::string trial = unfinished_words(diagnosis, hypotheses);
   if (!trial.empty()) lines.push_back(std::move(trial));
-  add(friction_lines(diagnosis, hypotheses));
-  if (is_sound) add(trend_lines(diagnosis));
+  add(lines_of_laws(diagnosis, hypotheses));
   add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
   for (const Departure& departure : diagnosis.departures) {

@@ -211,6 +211,33 @@ TEST(Plausibility, JudgesTheEnergyOfALawWithMemoryByItsSum) {
   EXPECT_TRUE(has(late(-0.4), PlausibilityRule::kEnergy));
 }
 
+// A spring and one with a clearance that takes more away than is there: no machine has it.
+TEST(Plausibility, ExcludesSpringsThatPushAwayAtTheEnds) {
+  const auto examined = [](double beyond, bool has_spring) {
+    FittedPhysics physics;
+    LawTrace spring = swing("stiffness", [](double z, double) { return 3.4 * z; });
+    LawTrace softer = swing("dead zone", [&](double z, double) {
+      return beyond * std::copysign(std::max(std::abs(z) - 0.5, 0.0), z);
+    });
+    spring.place = softer.place = "axis";
+    spring.conservative = spring.force;
+    softer.conservative = softer.force;
+    physics.laws = {spring, softer};
+    if (has_spring) {
+      PhysicalQuantity& own = physics.quantities.emplace_back();
+      own.name = "stiffness";
+      own.kind = QuantityKind::kStiffness;
+      own.value = 10.0;
+      own.standard_error = 0.1;
+    }
+    return has(implausibilities(physics), PlausibilityRule::kPair);
+  };
+  EXPECT_TRUE(examined(-7.9, false));
+  EXPECT_FALSE(examined(-7.9, true));  // with the model's own it is a spring that softens
+  EXPECT_FALSE(examined(-3.0, false));
+  EXPECT_FALSE(examined(7.9, false));
+}
+
 TEST(Plausibility, ExcludesPairsOfLawsThatCancel) {
   FittedPhysics physics;
   const auto first = [](double z, double) { return 50.0 * z; };
