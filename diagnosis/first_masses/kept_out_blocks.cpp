@@ -1,5 +1,6 @@
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -12,6 +13,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
+constexpr double kEnough = 0.5;  // of what the best split tells
 constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
 constexpr double kFewestCrossings = 4.0;  // of a quarter
 
@@ -19,6 +21,8 @@ constexpr double kFewestCrossings = 4.0;  // of a quarter
 struct Added {
   ArrayXd drive, motion, crossings;
   ArrayXd forwards, backwards;  // of the motion
+  // What tells a mass, viscous and dry friction and a constant apart: a column each.
+  Eigen::ArrayX4d told;
 };
 
 // Cut at the size that all but a few samples keep: one spike would have all the squares.
@@ -33,8 +37,12 @@ ArrayXd without_spikes(const ArrayXd& values, Index over) {
 
 Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   const Index n = drive.size(), over = std::max<Index>(1, n / 500);
-  Added added{without_spikes(drive.array(), 1).square(), ArrayXd::Zero(n), ArrayXd::Zero(n),
-              ArrayXd::Zero(n), ArrayXd::Zero(n)};
+  Added added{without_spikes(drive.array(), 1).square(),
+              ArrayXd::Zero(n),
+              ArrayXd::Zero(n),
+              ArrayXd::Zero(n),
+              ArrayXd::Zero(n),
+              Eigen::ArrayX4d::Zero(n, 4)};
   ArrayXd rates = motion.array();
   for (Index k = 0; k < n; ++k) {
     const double change = motion(k) - motion(std::max<Index>(0, k - over));
@@ -44,6 +52,11 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
   for (Index k = 0; k < n; ++k) {
     added.motion(k) = rates(k) * rates(k);
     (rates(k) > 0.0 ? added.forwards : added.backwards)(k) = added.motion(k);
+  }
+  const double slow = 0.05 * rates.abs().maxCoeff();
+  for (Index k = 0; k < n; ++k) {
+    const double change = rates(k) - rates(std::max<Index>(0, k - over));
+    added.told.row(k) << change, rates(k), std::tanh(rates(k) / std::max(slow, 1e-300)), 1.0;
   }
   const double mean = drive.mean(), near = 0.1 * (drive.array() - mean).abs().maxCoeff();
   int side = 0;
@@ -70,6 +83,31 @@ struct Shares {
     return std::min(kept, fitted) >= share * (kept + fitted);
   }
 };
+
+// The least share of what the whole log tells that either role has: the smallest eigenvalue of its
+// normal matrix over that of all, in what all tell; at most a half.
+double told_by_each(const Added& added, Index blocks) {
+  constexpr double kUntold = 1e-3;  // of the largest eigenvalue: the log does not tell it
+  const Eigen::MatrixX4d columns =
+      (added.told.rowwise() / added.told.square().colwise().mean().sqrt().max(1e-300)).matrix();
+  const Index n = columns.rows();
+  Eigen::Matrix4d fitted = Eigen::Matrix4d::Zero(), kept = Eigen::Matrix4d::Zero();
+  for (Index b = 0; b < blocks; ++b) {
+    const Index first = b * n / blocks, last = (b + 1) * n / blocks;
+    const auto own = columns.middleRows(first, last - first);
+    (b % 2 == 0 ? fitted : kept) += own.transpose() * own;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> whole(fitted + kept);
+  const Eigen::Vector4d sizes = whole.eigenvalues();
+  const Index untold = (sizes.array() <= kUntold * sizes.maxCoeff()).count();
+  const Eigen::MatrixXd white = whole.eigenvectors().rightCols(4 - untold) *
+                                sizes.tail(4 - untold).cwiseSqrt().cwiseInverse().asDiagonal();
+  const auto least = [&](const Eigen::Matrix4d& role) {
+    const Eigen::MatrixXd share = white.transpose() * role * white;
+    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(share).eigenvalues().minCoeff();
+  };
+  return std::max(0.0, std::min(least(fitted), least(kept)));
+}
 
 // There in one half and back in the other: friction and a constant force are one thing in each.
 bool turns_between_halves(const Added& added) {
@@ -105,31 +143,51 @@ std::string reason_against_halves(const Added& added) {
                                        : "nothing moves in the first half";
   }
   if (turns_between_halves(added)) return "the axis goes one way in each half";
-  return is_chirp(added.crossings) ? "the drive's frequency changes along the log" : "";
+  if (is_chirp(added.crossings)) return "the drive's frequency changes along the log";
+  return told_by_each(added, 2) < kNothing ? "starts and stops are in one half" : "";
 }
 
-}  // namespace
+struct SplitTrial {
+  Index blocks = 2;
+  double told = 0.0;
+};
 
-KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
-  KeptOutBlocks split;
-  if (drive.size() != motion.size() || drive.size() < 4 * kFewestOfBlock) return split;
-  const Added added = added_by(drive, motion, is_velocity);
-  if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
-  split.reason = reason_against_halves(added);
-  if (split.reason.empty()) return split;
+// Numbers of blocks, rising, of which both roles have their share of all.
+std::vector<SplitTrial> fair_splits(const Added& added) {
   const bool by_frequency = is_chirp(added.crossings), by_way = turns_between_halves(added);
+  std::vector<SplitTrial> trials;
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
-    if (drive.size() / blocks < kFewestOfBlock) break;
+    if (added.drive.size() / blocks < kFewestOfBlock) break;
     if (!Shares(added.drive, blocks).have_each(kShare)) continue;
     if (!Shares(added.motion, blocks).have_each(kShare)) continue;
     const bool has_both_ways = Shares(added.forwards, blocks).have_each(kShare) &&
                                Shares(added.backwards, blocks).have_each(kShare);
     if (by_way && !has_both_ways) continue;
     if (by_frequency && !are_alike(added.crossings, blocks)) continue;
-    split.count = blocks;
-    return split;
+    const double told = told_by_each(added, blocks);
+    if (told >= kNothing) trials.push_back({blocks, told});
   }
-  split.is_fair = false;
+  return trials;
+}
+
+}  // namespace
+
+KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
+  KeptOutBlocks split;
+  constexpr Index kFewest = 20;
+  if (drive.size() != motion.size() || drive.size() < kFewest) return split;
+  const Added added = added_by(drive, motion, is_velocity);
+  if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
+  split.reason = reason_against_halves(added);
+  if (split.reason.empty()) return split;
+  const std::vector<SplitTrial> trials = fair_splits(added);
+  split.is_fair = !trials.empty();
+  const auto best = std::ranges::max_element(trials, {}, &SplitTrial::told);
+  for (const SplitTrial& trial : trials) {
+    if (trial.told < kEnough * best->told) continue;
+    split.count = trial.blocks;
+    break;
+  }
   return split;
 }
 

@@ -5,10 +5,13 @@
 // machine coasts there. The same holds for the motion's squares: it stands. And they are not where
 // the axis goes one way in the first half and the other way in the second, or where the drive's
 // frequency rises or falls along all quarters of the log, by 2.5 in all: a chirp. The
-// frequency is counted by crossings of the mean.
+// frequency is counted by crossings of the mean. Nor are they where one half hardly tells a mass,
+// viscous and dry friction and a constant apart (steady motion): it has less than a fiftieth of
+// what the log tells of one of them, or of a combination.
 //
-// Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Taken are the fewest
-// of which both roles have a fifth of both squares, and crossings alike within a half.
+// Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
+// a fifth of both squares, crossings alike within a half, and a fiftieth of what the log tells. The
+// fewest blocks are taken that tell half as much as the best.
 // Cost: O(n) for each number of blocks.
 //
 //   const KeptOutBlocks split = kept_out_blocks(drive, position, false);

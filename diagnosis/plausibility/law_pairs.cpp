@@ -59,7 +59,7 @@ bool turns_round(const LawTrace& first, const LawTrace& second) {
     if (share > kEnds) above.add(share, force);
     if (share < -kEnds) below.add(share, force);
   }
-  const double pulls = middle.value(), pushes = std::max(below.value(), above.value());
+  const double pulls = middle.value(), pushes = std::min(below.value(), above.value());
   return pulls > 0.0 && pushes < -kSteep * pulls;
 }
 

@@ -9,7 +9,7 @@ namespace graybox {
 [[nodiscard]] bool cancel(const LawTrace& first, const LawTrace& second);
 
 // Two springs at one place that together pull back in the middle third of the motion, and push
-// away, more than half as steeply, in both outer sixths.
+// away, more than half as steeply, in an outer sixth.
 [[nodiscard]] bool turns_round(const LawTrace& first, const LawTrace& second);
 
 }  // namespace graybox

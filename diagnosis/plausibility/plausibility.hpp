@@ -18,8 +18,8 @@
 //               count together
 //   pair        two laws whose forces cancel: correlation below -0.95 and a sum of less than a
 //               fifth of each. Two springs of a machine that has none, which together pull back in
-//               the middle third of the motion and push away, more than half as steeply, in both
-//               outer sixths
+//               the middle third of the motion and push away, more than half as steeply, in an
+//               outer sixth
 //   homogeneous a direction that the data do not see in which all parameters change by the same
 //               share
 //   poor input  two parameters that the data see in one combination only, or with errors correlated

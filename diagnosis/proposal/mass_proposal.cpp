@@ -539,6 +539,10 @@ class MassProposal {
     const Eigen::VectorXd drive = without_gaps(drive_->values), moves = motions_[0].values(log_);
     blocks_ = kept_out_blocks(drive.segment(first, count), moves.segment(first, count),
                               motions_[0].is_velocity);
+    if (!blocks_.is_fair) {
+      draft_.experiments = {{0, first, first + count - 1, false, false}};
+      return;
+    }
     if (blocks_.count < 3) return;
     draft_.experiments.clear();
     for (Eigen::Index k = 0; k < blocks_.count; ++k) {
@@ -580,14 +584,13 @@ class MassProposal {
     } else if (blocks_.count > 2) {
       guess("kept out", fmt::format("every second of {} parts", blocks_.count),
             blocks_.reason + ", so halves would not be alike");
+    } else if (!blocks_.is_fair) {
+      guess("kept out", "nothing", blocks_.reason + ", and no split gives each part its share");
+      proposal_.notes.push_back(
+          "nothing is kept out, so nothing will test what is found: record "
+          "another run and give both logs");
     } else {
       guess("kept out", "the second half", "checks the fit");
-      if (!blocks_.is_fair) {
-        proposal_.notes.push_back(
-            fmt::format("{}: what is kept out is no fair check, and no other split of this log is; "
-                        "record another run",
-                        blocks_.reason));
-      }
     }
     if (request_.split != SplitPlan::kMovingHalves) {
       guess("standstill", "kept",

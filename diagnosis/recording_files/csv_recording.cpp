@@ -121,6 +121,35 @@ std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
   return any ? units : std::vector<std::string>{};
 }
 
+// Whether a line below the titles holds more titles than units: names of signals below those of a
+// recorder's channels. One of them is of several words.
+bool are_more_titles(const std::vector<std::string>& fields) {
+  std::ptrdiff_t filled = 0, known = 0;
+  bool has_words = false;
+  for (const std::string& field : fields) {
+    if (field.empty()) continue;
+    ++filled;
+    if (is_unit(field)) {
+      ++known;
+    } else {
+      has_words = has_words || field.find(' ') != std::string::npos;
+    }
+  }
+  return has_words && 2 * known < filled;
+}
+
+// Two lines of titles as one: a field that is a unit is that; words follow the title above.
+void add_titles(const std::vector<std::string>& fields, RecordingFile& file) {
+  for (std::size_t k = 0; k < fields.size(); ++k) {
+    RecordedColumn& column = file.columns[k];
+    if (is_unit(fields[k])) {
+      if (column.unit.empty()) column.unit = fields[k];
+    } else if (!fields[k].empty() && fields[k] != column.name) {
+      column.name += " " + fields[k];
+    }
+  }
+}
+
 // What a column has held so far: numbers or time stamps.
 struct ColumnContent {
   StampColumn stamps;
@@ -275,6 +304,10 @@ bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& split
   if (!lines.next(line)) return false;
   const std::vector<std::string> units = units_in(splitter.split(line));
   if (units.size() != file.columns.size()) return true;
+  if (names.empty() && are_more_titles(units)) {
+    add_titles(units, file);
+    return lines.next(line);
+  }
   for (std::size_t k = 0; k < units.size(); ++k) {
     if (!names.empty() && k % 2 == 0) continue;  // the word "Unit"
     if (file.columns[k].unit.empty()) file.columns[k].unit = units[k];

@@ -24,6 +24,7 @@
 #include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
+#include "problems/base/units.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/laws/law_catalogue.hpp"
 #include "problems/laws/law_file.hpp"
@@ -437,6 +438,20 @@ std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& 
   return all;
 }
 
+// Drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known.
+void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
+  for (const Channel& channel : campaign.channels) {
+    const Unit* recorded = find_unit(channel.recorded_unit);
+    const bool is_converted = recorded != nullptr && recorded->base != channel.unit;
+    if (channel.role != ChannelRole::kInput || !is_converted || channel.factor != 1.0) continue;
+    const bool has_unit = channel.recorded_unit != "1";
+    diagnosis.assumptions.push_back(fmt::format(
+        "Sizes are in units of the drive: 1 {} stands for one {} of {}. With its true gain (gain: "
+        "in campaign.yaml) masses and forces scale.",
+        channel.unit, has_unit ? channel.recorded_unit : "recorded unit", channel.name));
+  }
+}
+
 // What a reader should know of the recordings.
 std::vector<std::string> all_warnings(const DiagnosisAnswer& answer, const Method& method,
                                       const Campaign& campaign, PageOrigin& origin) {
@@ -490,6 +505,7 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
     campaign = std::move(all->campaign);
     answer = std::move(all->answer);
   }
+  tell_unknown_gains(campaign, answer.diagnosis);
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
   advise_on_rivals(answer.hypotheses(), answer.diagnosis);
   answer.method = method.name;

@@ -239,6 +239,33 @@ TEST(LatentStructure, NamesWhatTheForceDependsOn) {
   }
 }
 
+// Four samples a period show a wave that comes often, and not one that a spring may look like.
+TEST(RippleTrials, FewSamplesShowAWaveThatComesOften) {
+  constexpr Index kCount = 4000;
+  const auto best_period = [](double period, double range) {
+    LatentForce force;
+    force.usable = true;
+    force.disturbance.coordinate = 0;
+    force.motion.resize(kCount, 2);
+    force.force.resize(kCount);
+    force.settled.assign(kCount, 1);
+    const double rate = 2.0 * 0.18 * period / range;  // rad a sample: 5.5 samples a period
+    for (Index k = 0; k < kCount; ++k) {
+      const double angle = rate * static_cast<double>(k) * (1.0 + 1e-5 * static_cast<double>(k));
+      force.motion(k, 0) = 0.5 * range * std::sin(angle);
+      force.motion(k, 1) = 0.5 * range * rate * std::cos(angle);
+      force.force(k) = std::sin(2.0 * std::numbers::pi * force.motion(k, 0) / period);
+    }
+    const std::vector<RippleTrial> trials = ripple_trials(force);
+    return trials.empty() ? 0.0 : trials.front().period;
+  };
+  EXPECT_NEAR(best_period(0.03, 0.3), 0.03, 1e-3);
+  for (const double range : {0.06, 0.09}) {
+    const double found = best_period(0.03, range);
+    EXPECT_TRUE(found == 0.0 || std::abs(found - 0.03) > 3e-3) << found;
+  }
+}
+
 // Few do, by the limits of latent_structure.hpp; five questions each.
 TEST(LatentStructure, ADisturbanceDependsOnNothing) {
   const char* const runs = std::getenv("GRAYBOX_TEST_RUNS");  // times twenty

@@ -220,6 +220,19 @@ TEST(KeptOutBlocks, OneStrokeThereAndBackIsShared) {
   EXPECT_EQ(kept_out_blocks(force, position, false).count, 2);
 }
 
+// Steady motion tells no mass: both parts need steps of the drive.
+TEST(KeptOutBlocks, StartsAreShared) {
+  constexpr Index kCount = 1200;
+  VectorXd force = VectorXd::Constant(kCount, 1.0);
+  const KeptOutBlocks once = kept_out_blocks(force, run(kViscous, force).position, false);
+  EXPECT_FALSE(once.is_fair);
+  EXPECT_EQ(once.reason, "starts and stops are in one half");
+  for (const Index at : {300, 420, 480}) force.tail(kCount - at).array() *= 0.5;
+  force.tail(600).setConstant(0.5);
+  const KeptOutBlocks more = kept_out_blocks(force, run(kViscous, force).position, false);
+  EXPECT_TRUE(more.is_fair) << more.reason;
+}
+
 // A push of a few samples can't be shared.
 TEST(KeptOutBlocks, AKickIsNotShared) {
   VectorXd force = VectorXd::Zero(2000);

@@ -176,6 +176,29 @@ TEST_F(LogReading, ResamplesUnevenTimesAndStatesTheError) {
   refused("[{kind: resample, sample_time: 0.001}]", "is for irregular samples");
 }
 
+// A microcontroller writes seven samples and then sends them: its pauses are no gaps. A pause that
+// comes once is one.
+TEST_F(LogReading, BurstsOfSamplesAreOneRecording) {
+  for (const bool is_often : {true, false}) {
+    std::string text = "time,q,v,u,state\n";
+    double t = 0.0;
+    for (int k = 0; k < 400; ++k) {
+      text += std::to_string(t) + ",0," + std::to_string(rate_at(t)) + ",12,3\n";
+      const bool pauses = is_often ? k % 7 == 6 : k == 200;
+      t += pauses ? 0.012 : 0.002;
+    }
+    testing::write_text(folder_.file("a.csv"), text);
+    const ExperimentRecording run = read("[{kind: resample, sample_time: 0.002}]", "irregular");
+    ASSERT_EQ(run.data.pieces.size(), is_often ? 1U : 2U);
+    const SignalPiece& piece = run.data.pieces.front();
+    for (Index k = 0; k < piece.time.size(); ++k) {
+      EXPECT_NEAR(piece.values(k, 1), rate_at(piece.time(k)), 2e-3);
+    }
+  }
+  testing::expect_refused([&] { (void)read("[{kind: resample, sample_time: 0.02}]", "irregular"); },
+                          "would fold");
+}
+
 // The stated error is that of a signal whose values between samples are known, within a factor.
 TEST(SampleInterpolation, StatesItsError) {
   for (const double frequency : {0.3, 0.6, 1.0}) {  // rad a sample
@@ -398,6 +421,21 @@ TEST_F(LogReading, ADayAboveTheHeaderIsATitleAndRecordsMayHoldStamps) {
                       "{\"t\": \"2024-05-01T12:00:00.5Z\", \"q\": 2}\n");
   EXPECT_EQ(times_of(read_recording_file(folder_.file("s.jsonl")), "t"),
             Eigen::Vector2d(43200.0, 43200.5));
+}
+
+// Channels of a recorder above, the signals that they held below.
+TEST_F(LogReading, TwoLinesOfTitlesAreOneTitle) {
+  testing::write_text(folder_.file("s.csv"),
+                      "Axis1\nSampling time interval(ms),0.667\nTime,Analog 1,Analog 2\n"
+                      "ms,Servo motor speed,Torque\n0,1,2\n1,3,4\n");
+  const RecordingFile file = read_recording_file(folder_.file("s.csv"));
+  ASSERT_EQ(file.columns.size(), 3U);
+  EXPECT_EQ(file.columns[0].unit, "ms");
+  EXPECT_EQ(file.columns[1].name, "Analog 1 Servo motor speed");
+  EXPECT_EQ(file.at("Analog 2 Torque").values, Eigen::Vector2d(2.0, 4.0));
+  // Units that graybox does not know are units all the same.
+  testing::write_text(folder_.file("s.csv"), "t,q,u\ns,lsb,ticks\n0,1,2\n1,3,4\n");
+  EXPECT_EQ(read_recording_file(folder_.file("s.csv")).at("q").unit, "lsb");
 }
 
 // A campaign reads stamps as the time of its samples, and a unit by what it means.

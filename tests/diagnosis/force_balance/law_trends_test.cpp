@@ -1,0 +1,116 @@
+// Laws that hold on the average only: whether a balance of forces sees that they change with the
+// time or the position, and how often it says so of those that don't.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "diagnosis/evidence/trend_reason.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "problems/base/random.hpp"
+#include "tests/support/carriage_files.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+// Of time (0 to 1 within a recording), position and velocity, N.
+using Friction = std::function<double(double, double, double)>;
+
+constexpr double kMemory = 0.9;  // of the noise, from sample to sample
+
+void write_run(const std::string& file, const Friction& friction, double phase, Random& random) {
+  std::ofstream rows(file);
+  rows.precision(12);
+  rows << "force,x,v,a\n";
+  double noise = random.normal();
+  for (int k = 0; k < 1500; ++k) {
+    noise = kMemory * noise + std::sqrt(1.0 - kMemory * kMemory) * random.normal();
+    const double t = 0.01 * k;
+    double x = 0.0, v = 0.0, a = 0.0;
+    for (const auto& [amplitude, w] :
+         {std::array{0.3, 1.1}, std::array{0.1, 2.9}, std::array{0.03, 6.1}}) {
+      x += amplitude * std::sin(w * t + phase);
+      v += amplitude * w * std::cos(w * t + phase);
+      a -= amplitude * w * w * std::sin(w * t + phase);
+    }
+    rows << 12.0 * a + friction(k / 1500.0, x, v) + 0.5 * noise << ',' << x << ',' << v << ',' << a
+         << '\n';
+  }
+}
+
+Diagnosis diagnosis_of(const Friction& friction, std::uint64_t seed) {
+  const testing::TemporaryFolder folder;
+  Random random(seed);
+  write_run(folder.file("run_1.csv"), friction, 0.0, random);
+  write_run(folder.file("run_2.csv"), friction, 1.3, random);
+  std::ofstream(folder.file("drive.yaml")) << testing::kCarriageModel;
+  std::ofstream(folder.file("campaign.yaml"))
+      << testing::kCarriageCampaign
+      << "  - {file: run_1.csv}\n  - {file: run_2.csv, role: validation}\n";
+  return diagnose(*force_balance_problem(folder.file("drive.yaml"),
+                                         read_campaign(folder.file("campaign.yaml"))));
+}
+
+double direction_of(double v) { return std::tanh(v / 0.002); }
+
+bool is_told(const Diagnosis& diagnosis) { return !told_trends(diagnosis.trends).empty(); }
+
+TEST(LawTrends, FrictionThatFadesIsUnknownAndSaysFromWhatToWhat) {
+  const Diagnosis diagnosis = diagnosis_of(
+      [](double share, double, double v) { return (6.0 - 3.0 * share) * direction_of(v); }, 3);
+  ASSERT_TRUE(is_told(diagnosis));
+  const LawTrend trend = told_trends(diagnosis.trends).front();
+  EXPECT_EQ(trend.on, LawTrend::On::kTime);
+  EXPECT_NEAR(trend.from, 6.0, 0.3);
+  EXPECT_NEAR(trend.to, 3.0, 0.3);
+  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  EXPECT_NE(trend_words(trend, diagnosis.effects).find("where recordings begin"),
+            std::string::npos);
+}
+
+TEST(LawTrends, FrictionThatGrowsAlongTheWayIsNotSure) {
+  const Diagnosis diagnosis =
+      diagnosis_of([](double, double x, double v) { return (4.0 + 5.0 * x) * direction_of(v); }, 4);
+  ASSERT_TRUE(is_told(diagnosis));
+  EXPECT_EQ(told_trends(diagnosis.trends).front().on, LawTrend::On::kPosition);
+  EXPECT_NE(diagnosis.verdict, Verdict::kExplained);
+}
+
+// A law that holds is told to change in fewer than one diagnosis in a hundred; GRAYBOX_TEST_RUNS
+// asks for so many times ten.
+TEST(LawTrends, ALawThatHoldsDoesNotChange) {
+  const char* const runs = std::getenv("GRAYBOX_TEST_RUNS");
+  const unsigned draws = 10 * (runs == nullptr ? 1 : static_cast<unsigned>(std::atoi(runs)));
+  unsigned told = 0;
+  for (unsigned seed = 100; seed < 100 + draws; ++seed) {
+    const Diagnosis diagnosis = diagnosis_of(
+        [](double, double, double v) { return 4.0 * direction_of(v) + 8.0 * v; }, seed);
+    ASSERT_FALSE(diagnosis.trends.empty());
+    told += is_told(diagnosis) ? 1U : 0U;
+  }
+  std::printf("%u of %u told\n", told, draws);
+  EXPECT_LE(told, draws / 100 + 1);
+}
+
+TEST(LawTrends, BeyondZeroALineSaysNoMoreThanNone) {
+  FoundEffect effect;
+  effect.law.parameters.push_back({"level", "N", 0.3, 0.02});
+  const LawTrend trend{0, 0, LawTrend::On::kSpeed, -0.1, 0.7, -7.0, "coulomb at axis"};
+  const std::array effects{effect};
+  EXPECT_EQ(trend_words(trend, effects),
+            "level of coulomb at axis: about none N in fast motion, 0.7 in slow motion");
+}
+
+}  // namespace
+}  // namespace graybox
