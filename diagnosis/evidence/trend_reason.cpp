@@ -67,16 +67,21 @@ std::string trend_advice(LawTrend::On on) {
   return {};
 }
 
-bool is_much(const LawTrend& trend) {
-  const double larger = std::max(std::abs(trend.from), std::abs(trend.to));
+// A tenth of the parameter, and of the law's largest in that unit: a cosine near zero may be none.
+bool is_much(const LawTrend& trend, std::span<const FoundEffect> effects) {
+  const std::vector<LawParameterEstimate>& all = effects[trend.law].law.parameters;
+  double larger = std::max(std::abs(trend.from), std::abs(trend.to));
+  for (const LawParameterEstimate& other : all) {
+    if (other.unit == all[trend.parameter].unit) larger = std::max(larger, std::abs(other.value));
+  }
   return std::abs(trend.to - trend.from) > kTrendShare * larger;
 }
 
-const LawTrend* worst_of(std::span<const LawTrend> trends) {
+const LawTrend* worst_of(std::span<const LawTrend> trends, std::span<const FoundEffect> effects) {
   const LawTrend* worst = nullptr;
   for (const LawTrend& trend : trends) {
     const bool is_worse = worst == nullptr || std::abs(trend.z) > std::abs(worst->z);
-    if (is_much(trend) && is_worse) worst = &trend;
+    if (is_much(trend, effects) && is_worse) worst = &trend;
   }
   return worst;
 }
@@ -88,7 +93,7 @@ VerdictReason trend_reason(std::span<const LawTrend> trends, std::span<const Fou
   VerdictReason reason;
   reason.test = "what was found changes with time, place or speed";
   reason.limit = kTrendErrors;
-  const LawTrend* const worst = worst_of(trends);
+  const LawTrend* const worst = worst_of(trends, effects);
   if (worst == nullptr) {
     reason.test += ", standard errors";
     if (trends.empty()) reason.not_tested = why_not;
@@ -104,10 +109,11 @@ VerdictReason trend_reason(std::span<const LawTrend> trends, std::span<const Fou
   return reason;
 }
 
-std::vector<LawTrend> told_trends(std::span<const LawTrend> trends) {
+std::vector<LawTrend> told_trends(std::span<const LawTrend> trends,
+                                  std::span<const FoundEffect> effects) {
   std::vector<LawTrend> told;
   for (const LawTrend& trend : trends) {
-    if (is_much(trend) && std::abs(trend.z) > kTrendErrors) told.push_back(trend);
+    if (is_much(trend, effects) && std::abs(trend.z) > kTrendErrors) told.push_back(trend);
   }
   std::ranges::stable_sort(
       told, [](const LawTrend& a, const LawTrend& b) { return std::abs(a.z) > std::abs(b.z); });

@@ -11,7 +11,8 @@
 
 namespace graybox {
 
-// Fails where the most significant trend, of those that change a parameter by more than a tenth, is
+// Fails where the most significant trend, of those that change a parameter by a tenth of the law's
+// largest in that unit, is
 // 4.5 standard errors from none. The verdict is `unknown` where something changes with time; else
 // the law stands in for another one at its place (`ambiguous`). `trends`: of the effects found;
 // none: not tested, for the reason `why_not`.
@@ -19,7 +20,8 @@ namespace graybox {
                                          std::span<const FoundEffect> effects, const char* why_not);
 
 // Those that make this test fail, most significant first.
-[[nodiscard]] std::vector<LawTrend> told_trends(std::span<const LawTrend> trends);
+[[nodiscard]] std::vector<LawTrend> told_trends(std::span<const LawTrend> trends,
+                                                std::span<const FoundEffect> effects);
 
 // "level of coulomb at axis: about 8.7 N m where recordings begin, 5.2 where they end".
 [[nodiscard]] std::string trend_words(const LawTrend& trend, std::span<const FoundEffect> effects);

@@ -13,7 +13,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
-constexpr double kEnough = 0.5;  // of what the best split tells
+constexpr double kEnough = 0.25;  // of what the best split tells
 constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
 constexpr double kFewestCrossings = 4.0;  // of a quarter
 
@@ -174,8 +174,7 @@ std::vector<SplitTrial> fair_splits(const Added& added) {
 
 KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   KeptOutBlocks split;
-  constexpr Index kFewest = 20;
-  if (drive.size() != motion.size() || drive.size() < kFewest) return split;
+  if (drive.size() != motion.size() || drive.size() < 2 * kFewestOfBlock) return split;
   const Added added = added_by(drive, motion, is_velocity);
   if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
   split.reason = reason_against_halves(added);

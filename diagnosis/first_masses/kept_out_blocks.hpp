@@ -11,7 +11,7 @@
 //
 // Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
 // a fifth of both squares, crossings alike within a half, and a fiftieth of what the log tells. The
-// fewest blocks are taken that tell half as much as the best.
+// fewest blocks are taken that tell a quarter of what the best do.
 // Cost: O(n) for each number of blocks.
 //
 //   const KeptOutBlocks split = kept_out_blocks(drive, position, false);

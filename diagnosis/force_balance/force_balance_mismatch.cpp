@@ -551,10 +551,14 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
   const auto read = [drive, smooth, low_pass](const Eigen::VectorXd& advance, double /*one body*/) {
     ForceBalanceData data = load_force_balance_data(drive, smooth, {}, advance);
     if (low_pass) {
-      data.remarks.push_back(fmt::format(
-          "All channels went through a low-pass at {:.4g} Hz: above it the noise of the positions, "
-          "differentiated twice, hides the acceleration (preprocess: low_pass, frequency: {:.4g})",
-          low_pass->frequency, low_pass->frequency));
+      data.remarks.push_back(
+          fmt::format("All channels went through a low-pass at {:.4g} Hz: above it the noise of "
+                      "the {} hides the "
+                      "acceleration (preprocess: low_pass, frequency: {:.4g})",
+                      low_pass->frequency,
+                      drive.channels.velocity.empty() ? "positions, differentiated twice,"
+                                                      : "velocities, differentiated,",
+                      low_pass->frequency));
     }
     name_as_lumped(data);
     return data;

@@ -22,41 +22,44 @@ constexpr double kFewestWaves = 10.0;
 constexpr Index kFewestSamples = 20;
 constexpr int kOrder = 4;
 
-VectorXd second_differences(const VectorXd& values, double sample_time) {
-  const Index n = values.size() - 2;
-  return (values.tail(n) - 2.0 * values.segment(1, n) + values.head(n)) /
-         (sample_time * sample_time);
+VectorXd differences(const VectorXd& values, double sample_time, int derivatives) {
+  VectorXd result = values;
+  for (int m = 0; m < derivatives; ++m) {
+    const Index n = result.size() - 1;
+    result = VectorXd((result.tail(n) - result.head(n)) / sample_time);
+  }
+  return result;
 }
 
 double variance(const VectorXd& values) { return (values.array() - values.mean()).square().mean(); }
 
-double noise_variance(const PositionRecord& record) {
-  const VectorXd second = second_differences(record.values, 1.0);
-  const Index n = second.size() - 1;
-  return (second.tail(n) - second.head(n)).squaredNorm() / (20.0 * static_cast<double>(n));
+double noise_variance(const MotionSamples& record) {
+  const VectorXd third = differences(record.values, 1.0, 3);
+  return third.squaredNorm() / (20.0 * static_cast<double>(third.size()));
 }
 
 // Share of noise in the acceleration, all records together.
-double noise_share(std::span<const PositionRecord> records, double frequency) {
+double noise_share(std::span<const MotionSamples> records, double frequency) {
   const double wave = 2.0 * std::numbers::pi;
   double of_noise = 0.0, of_all = 0.0;
-  for (const PositionRecord& record : records) {
+  for (const MotionSamples& record : records) {
     const auto samples = static_cast<double>(record.values.size());
     const VectorXd smooth =
         zero_phase_low_pass(record.values, frequency * record.sample_time, kOrder);
-    of_all += samples * variance(second_differences(smooth, record.sample_time));
-    of_noise += samples * 0.4 * noise_variance(record) * record.sample_time * std::pow(wave, 4) *
-                std::pow(frequency, 5);
+    of_all += samples * variance(differences(smooth, record.sample_time, record.derivatives));
+    const double power = 2.0 * record.derivatives;
+    of_noise += samples * 2.0 / (power + 1.0) * noise_variance(record) * record.sample_time *
+                std::pow(wave, power) * std::pow(frequency, power + 1.0);
   }
   return of_all > 0.0 ? of_noise / of_all : 0.0;
 }
 
 }  // namespace
 
-std::optional<double> low_pass_for_acceleration(std::span<const PositionRecord> records) {
-  std::vector<PositionRecord> used;
+std::optional<double> low_pass_for_acceleration(std::span<const MotionSamples> records) {
+  std::vector<MotionSamples> used;
   double duration = 0.0, sample_time = 0.0;
-  for (const PositionRecord& record : records) {
+  for (const MotionSamples& record : records) {
     if (record.values.size() < kFewestSamples) continue;
     used.push_back(record);
     duration = std::max(duration, static_cast<double>(record.values.size()) * record.sample_time);
@@ -76,15 +79,21 @@ std::optional<LowPass> missing_low_pass(const RigidRobotModel& drive, const Camp
                        std::ranges::any_of(campaign.preprocess, [](const PreprocessStep& step) {
                          return std::holds_alternative<Resample>(step);
                        });
-  if (!is_even || !drive.channels.velocity.empty() || drive.channels.position.empty()) return {};
-  std::vector<PositionRecord> positions;
+  const bool has_velocity = !drive.channels.velocity.empty();
+  if (!is_even || !drive.channels.acceleration.empty()) return {};
+  if (!has_velocity && drive.channels.position.empty()) return {};
+  std::vector<MotionSamples> motions;
   for (const MotionRecord& record : read_motion_records(drive, campaign)) {
     for (const Motion& piece : record.pieces) {
       if (!piece.filters.empty()) return {};
-      positions.push_back({piece.position.col(0), piece.sample_time()});
+      if (has_velocity) {
+        motions.push_back({piece.velocity.col(0), piece.sample_time(), 1});
+      } else {
+        motions.push_back({piece.position.col(0), piece.sample_time(), 2});
+      }
     }
   }
-  const std::optional<double> frequency = low_pass_for_acceleration(positions);
+  const std::optional<double> frequency = low_pass_for_acceleration(motions);
   if (!frequency) return {};
   return LowPass{*frequency, kOrder, {}};
 }

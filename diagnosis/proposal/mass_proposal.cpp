@@ -15,6 +15,7 @@
 #include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/held_values.hpp"
 #include "problems/base/error.hpp"
@@ -201,8 +202,16 @@ class MassProposal {
     return question;
   }
 
+  // A drive but a force or torque may be in a unit of its own: its gain is not known either.
   void ask_unit_of_drive() {
     const LogQuantity quantity = drive_->words.quantity;
+    const bool is_own = unit_as_written(drive_->words.odd_unit).empty();
+    if (is_own && quantity != LogQuantity::kForce && !request_.gain) {
+      proposal_.notes.push_back(
+          fmt::format("'{}' is no unit that graybox knows: '{}' is taken as recorded",
+                      drive_->words.odd_unit, drive_->name));
+      return;
+    }
     std::vector<std::string> units{"A", "mA"};
     const bool moves_linearly = motion_of_drive() == MotionKind::kLinear;
     if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};

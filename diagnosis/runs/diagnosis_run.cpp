@@ -403,9 +403,27 @@ bool has_law_borne_out(const Diagnosis& diagnosis) {
   });
 }
 
+// Whether a mass is not determined, and with it no force is.
+bool has_loose_mass(const Diagnosis& diagnosis) {
+  return std::ranges::any_of(diagnosis.implausible, [](const Implausibility& flaw) {
+    return flaw.rule == PlausibilityRule::kZero &&
+           (flaw.quantity.ends_with("inertia") || flaw.quantity.ends_with("mass"));
+  });
+}
+
+// What the recordings of the fit lack that those kept out may have; empty: nothing.
+std::string lack_of(const Diagnosis& diagnosis) {
+  if (diagnosis.interrupted || !diagnosis.channel_faults.empty()) return "";
+  if (diagnosis.verdict == Verdict::kUnknown && !has_law_borne_out(diagnosis)) {
+    return "show no law that holds on those kept out";
+  }
+  const bool is_open = diagnosis.verdict != Verdict::kNone && has_loose_mass(diagnosis);
+  return is_open ? "do not determine the mass that moves" : "";
+}
+
 // A short log that is cut in two may show in neither part what it shows as a whole. Where no law
-// was found that holds on both, all recordings are fitted. Nothing is left to test what is found
-// then, so its verdict is `ambiguous` at best.
+// was found that holds on both, or no mass, all recordings are fitted. Nothing is left to test what
+// is found then, so its verdict is `ambiguous` at best.
 struct AnswerOfAll {
   Method method;
   Campaign campaign;  // with none kept out
@@ -413,9 +431,8 @@ struct AnswerOfAll {
 };
 std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& request,
                                         const Campaign& campaign, const Diagnosis& first) {
-  const bool is_asked = method.is_lumped && method.name != "periodic" &&
-                        first.verdict == Verdict::kUnknown && !has_law_borne_out(first) &&
-                        first.channel_faults.empty() && !first.interrupted;
+  const std::string lack = lack_of(first);
+  const bool is_asked = method.is_lumped && method.name != "periodic" && !lack.empty();
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
   AnswerOfAll all{method, campaign, {}};
   for (Experiment& experiment : all.campaign.experiments) {
@@ -425,12 +442,14 @@ std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& 
   }
   all.answer = answer_by(all.method, request, all.campaign);
   Diagnosis& diagnosis = all.answer.diagnosis;
-  const bool is_found = !diagnosis.interrupted && diagnosis.channel_faults.empty() &&
-                        !diagnosis.effects.empty() && is_of_a_machine(diagnosis);
+  const bool is_found = lack_of(diagnosis).empty() && diagnosis.channel_faults.empty() &&
+                        !diagnosis.interrupted && !diagnosis.effects.empty() &&
+                        is_of_a_machine(diagnosis);
   if (!is_found) return {};
   diagnosis.assumptions.push_back(
-      "The recordings of the fit alone show no law that holds on those kept out. So these were "
-      "fitted, too, and nothing has tested what was found.");
+      fmt::format("The recordings of the fit alone {}. So those kept out were fitted, too, and "
+                  "nothing has tested what was found.",
+                  lack));
   for (VerdictReason& reason : diagnosis.reasons) {
     if (reason.test != kKeptOutTest) continue;
     reason.next = "record more: these are too few to find a law in some and test it on the others";

@@ -480,7 +480,7 @@ std::vector<std::string> lines_of_laws(const Diagnosis& diagnosis,
                                        std::span<const Hypothesis> hypotheses) {
   std::vector<std::string> lines = friction_lines(diagnosis, hypotheses);
   if (excluding(diagnosis.implausible) > 0) return lines;
-  for (const LawTrend& trend : told_trends(diagnosis.trends)) {
+  for (const LawTrend& trend : told_trends(diagnosis.trends, diagnosis.effects)) {
     lines.push_back(fmt::format("Changes: {} ({:.2g} standard errors from none).",
                                 trend_words(trend, diagnosis.effects), std::abs(trend.z)));
   }

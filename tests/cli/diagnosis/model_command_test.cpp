@@ -205,6 +205,21 @@ TEST_F(Model, AmbiguousColumnsAreAskedNotGuessed) {
   EXPECT_NE(units.out.find("don't agree"), std::string::npos) << units.out;
 }
 
+// A current in a unit of its own is a drive of unknown gain, as one without a unit is.
+TEST_F(Model, ACurrentInAnyUnitIsTakenAsRecorded) {
+  write_text(folder_.file("log.csv"),
+             table("time [s],angle [rad],speed [rad/s],current (units),spare"));
+  const Outcome taken = graybox("model log.csv -o a --overwrite </dev/null");
+  EXPECT_EQ(taken.exit_code, 0) << taken.err;
+  EXPECT_NE(taken.out.find("'units' is no unit that graybox knows"), std::string::npos)
+      << taken.out;
+  const Outcome diagnosed = graybox("diagnose a/model.yaml a/campaign.yaml");
+  EXPECT_NE(
+      diagnosed.out.find("Sizes are in units of the drive: 1 N m stands for one recorded unit"),
+      std::string::npos)
+      << diagnosed.out;
+}
+
 // In a pipe nothing is asked: the line of the drive is marked, and no command reads it.
 TEST_F(Model, TheUnitOfADriveIsMarkedInAPipe) {
   for (const char* title : {"torque [furlong]", "torque [mN]", "current [Nm]"}) {

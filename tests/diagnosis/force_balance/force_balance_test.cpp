@@ -1077,9 +1077,7 @@ TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
     noise(t) = deviation * random.normal();
   }
   const auto low_pass_of = [&](const Eigen::VectorXd& values) {
-    std::vector<PositionRecord> records(1);
-    records[0].values = values;
-    records[0].sample_time = sample_time;
+    const std::vector<MotionSamples> records{{values, sample_time, 2}};
     return low_pass_for_acceleration(records);
   };
   EXPECT_FALSE(low_pass_of(clean).has_value());
@@ -1095,6 +1093,19 @@ TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
   };
   EXPECT_LT(share_at(*frequency), 0.015);
   EXPECT_GT(share_at(1.6 * *frequency), 0.01);
+  // The same of velocities, which are differentiated once, and have more noise.
+  const Eigen::VectorXd loud = 20.0 * noise;
+  const std::vector<MotionSamples> velocities{{clean + loud, sample_time, 1}};
+  const std::optional<double> other = low_pass_for_acceleration(velocities);
+  ASSERT_TRUE(other.has_value());
+  const auto share_of_velocities_at = [&](double f) {
+    const Eigen::VectorXd left = zero_phase_low_pass(loud, f * sample_time, 4);
+    const Eigen::Index n = samples - 1;
+    const Eigen::VectorXd acceleration = (left.tail(n) - left.head(n)) / sample_time;
+    return acceleration.squaredNorm() / static_cast<double>(n) / 2.0;  // of the sine: 2^2 / 2
+  };
+  EXPECT_LT(share_of_velocities_at(*other), 0.015);
+  EXPECT_GT(share_of_velocities_at(1.6 * *other), 0.01);
 }
 
 // A force that was recorded 0.05 s late beside physics that is missing, and one that was not late:

@@ -64,13 +64,15 @@ Diagnosis diagnosis_of(const Friction& friction, std::uint64_t seed) {
 
 double direction_of(double v) { return std::tanh(v / 0.002); }
 
-bool is_told(const Diagnosis& diagnosis) { return !told_trends(diagnosis.trends).empty(); }
+bool is_told(const Diagnosis& diagnosis) {
+  return !told_trends(diagnosis.trends, diagnosis.effects).empty();
+}
 
 TEST(LawTrends, FrictionThatFadesIsUnknownAndSaysFromWhatToWhat) {
   const Diagnosis diagnosis = diagnosis_of(
       [](double share, double, double v) { return (6.0 - 3.0 * share) * direction_of(v); }, 3);
   ASSERT_TRUE(is_told(diagnosis));
-  const LawTrend trend = told_trends(diagnosis.trends).front();
+  const LawTrend trend = told_trends(diagnosis.trends, diagnosis.effects).front();
   EXPECT_EQ(trend.on, LawTrend::On::kTime);
   EXPECT_NEAR(trend.from, 6.0, 0.3);
   EXPECT_NEAR(trend.to, 3.0, 0.3);
@@ -83,7 +85,7 @@ TEST(LawTrends, FrictionThatGrowsAlongTheWayIsNotSure) {
   const Diagnosis diagnosis =
       diagnosis_of([](double, double x, double v) { return (4.0 + 5.0 * x) * direction_of(v); }, 4);
   ASSERT_TRUE(is_told(diagnosis));
-  EXPECT_EQ(told_trends(diagnosis.trends).front().on, LawTrend::On::kPosition);
+  EXPECT_EQ(told_trends(diagnosis.trends, diagnosis.effects).front().on, LawTrend::On::kPosition);
   EXPECT_NE(diagnosis.verdict, Verdict::kExplained);
 }
 
