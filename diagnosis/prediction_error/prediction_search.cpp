@@ -563,6 +563,27 @@ PredictionFindings PredictionSearch::search_innovations(const LumpedModel& state
   return std::move(findings_);
 }
 
+PredictionFindings PredictionSearch::search_whole(const LumpedModel& stated,
+                                                  const PredictionFindings& ladder,
+                                                  const ExtendedLumpedModel& without) {
+  findings_ = ladder;
+  findings_.laws.clear();
+  findings_.followed.reset();
+  findings_.found = start_ = without;
+  stated_ = &stated;
+  disturbance_ = {};
+  State state;
+  if (!proceed("free run: fitting") || !climb(0, findings_.found, state)) {
+    return std::move(findings_);
+  }
+  search_rung(state);
+  findings_.found = state.fit.model;
+  findings_.rungs.push_back({0, true, 0.0});
+  findings_.left = state.error.cwiseQuotient(data_->output_scale());
+  findings_.has_free_run = true;
+  return std::move(findings_);
+}
+
 // Where what is measured forgets the start, free run says all. But where a law is missing the model
 // may leave its valley there, and the law then gains nothing. So where much is left the search is
 // repeated over longer and longer windows, and the better of both is taken.

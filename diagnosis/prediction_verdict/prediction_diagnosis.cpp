@@ -314,17 +314,18 @@ void require_windows(const LumpedModel& model, const PredictionData& data,
       campaign.file.string(), kFewestHorizonWindows, kShortestHorizon, windows));
 }
 
-// Laws one sample ahead, beside a disturbance, and what comes of them.
-struct NearerLook {
+// Laws that another search found, and what comes of them.
+struct OtherLook {
   std::unique_ptr<PredictionFindings> findings;  // that the final fit refers to
   std::unique_ptr<FinalFit> final;
 };
 
-// Where the ladder ends without laws. A look that is stopped makes it one that was stopped.
-std::optional<NearerLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
-                                      const PredictionHypotheses& hypotheses,
-                                      PredictionSearchOptions options, PredictionFindings& ladder,
-                                      const FinalFit& without) {
+// One sample ahead, beside a disturbance, where the ladder ends without laws. A look that is stopped
+// makes it one that was stopped.
+std::optional<OtherLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
+                                     const PredictionHypotheses& hypotheses,
+                                     PredictionSearchOptions options, PredictionFindings& ladder,
+                                     const FinalFit& without) {
   const JudgedModel& found = without.found();
   if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped) return {};
   options.least_gain = options.least_gain_rare = options.least_gain_near_noise = kInnovationGain;
@@ -336,10 +337,54 @@ std::optional<NearerLook> look_nearer(const LumpedModel& stated, const Predictio
       search.search_innovations(stated, ladder, found.fit.model));
   ladder.stopped = findings->stopped;
   if (findings->laws.empty()) return {};
-  NearerLook look;
+  OtherLook look;
   look.findings = std::move(findings);
   look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
   if (!look.final->found().fit.usable || look.final->found().fit.model.laws.empty()) return {};
+  return look;
+}
+
+// Whether recordings kept out are foretold twice as well as by the model as given, and each law has
+// its part in that.
+bool is_confirmed(const FinalFit& final) {
+  constexpr double kHalf = 0.5, kPart = 0.9;  // of the error
+  const JudgedModel &found = final.found(), &given = final.as_given();
+  if (found.horizon != 0 || !found.held_out_error || !given.held_out_error) return false;
+  const VectorXd& scale = found.held_out_scale;
+  const double left = relative_size(*found.held_out_error, scale);
+  if (left > kHalf * relative_size(*given.held_out_error, scale)) return false;
+  if (relative_size(found.error, scale) > kHalf * relative_size(given.error, scale)) return false;
+  for (std::size_t l = 0; l < found.fit.model.laws.size(); ++l) {
+    const JudgedModel without = final.without(l);
+    const auto error = final.law_held_out(without), with = final.law_held_out(found);
+    if (!error || !with) return false;
+    if (relative_size(with->error, scale) > kPart * relative_size(error->error, scale))
+      return false;
+  }
+  return true;
+}
+
+// Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
+// and recordings were kept out that confirm what is found.
+std::optional<OtherLook> look_farther(const LumpedModel& stated, const PredictionData& data,
+                                      const PredictionHypotheses& hypotheses,
+                                      const PredictionSearchOptions& options,
+                                      PredictionFindings& ladder, const FinalFit& without) {
+  const JudgedModel& found = without.found();
+  if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped || ladder.has_free_run ||
+      !data.has_validation()) {
+    return {};
+  }
+  PredictionSearch search(data, hypotheses, options);
+  OtherLook look;
+  look.findings =
+      std::make_unique<PredictionFindings>(search.search_whole(stated, ladder, found.fit.model));
+  ladder.stopped = look.findings->stopped;
+  if (look.findings->laws.empty() || ladder.stopped) return {};
+  look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
+  const JudgedModel& farther = look.final->found();
+  if (!farther.fit.usable || farther.fit.model.laws.empty() || !is_confirmed(*look.final))
+    return {};
   return look;
 }
 
@@ -390,7 +435,8 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
         compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
     if (each.usable && each.z > both.z) both = each;
   }
-  const bool is_better = both.usable && both.z > kErrorsApart && both.error_other < kLess * both.error;
+  const bool is_better =
+      both.usable && both.z > kErrorsApart && both.error_other < kLess * both.error;
   if (!is_better) return {};
   return both;
 }
@@ -439,14 +485,15 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
     PredictionFindings findings = search.run(stated);
     if (findings.usable) {
       const FinalFit ladder(data, hypotheses, findings, threads);
-      const std::optional<NearerLook> nearer =
+      std::optional<OtherLook> look =
           look_nearer(stated, data, hypotheses, search_options, findings, ladder);
-      const FinalFit& final = nearer ? *nearer->final : ladder;
+      if (!look) look = look_farther(stated, data, hypotheses, search_options, findings, ladder);
+      const FinalFit& final = look ? *look->final : ladder;
       if (final.found().fit.usable) {
         if (other != nullptr)
           *other = better_held(stated, data, campaign, findings, final, threads);
         if (other != nullptr && *other) return result;
-        const PredictionFindings& told = nearer ? *nearer->findings : findings;
+        const PredictionFindings& told = look ? *look->findings : findings;
         result.diagnosis = DiagnosisBuilder({&stated, &data, &hypotheses, &told, &final}).build();
         for (const std::string& words :
              {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
