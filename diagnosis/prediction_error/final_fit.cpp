@@ -17,6 +17,7 @@
 #include "diagnosis/predictor/left_out_blocks.hpp"
 #include "diagnosis/predictor/parameter_trend.hpp"
 #include "diagnosis/predictor/residual_whitener.hpp"
+#include "diagnosis/predictor/told_law.hpp"
 
 namespace graybox {
 namespace {
@@ -57,7 +58,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
     fit_as_judged();
   }
   if (!found_.fit.usable) return;  // its motion leaves all bounds at this horizon
-  as_given_ = judged(findings.as_given, kIterations);
+  as_given_ = judged_from_both(findings.as_given);
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   if (take_plainer_laws()) drop_idle_laws();
@@ -94,8 +95,20 @@ void FinalFit::fit_innovations() {
   found_ = weighed(findings_->found);
 }
 
+JudgedModel FinalFit::judged_from_both(const ExtendedLumpedModel& model) const {
+  JudgedModel result = judged(model, kIterations);
+  const std::vector<double> began = findings_->started.values();
+  std::vector<double> values = model.values();
+  if (!task_.is_free() || began.size() < model.own_parameters()) return result;
+  std::copy_n(began.begin(), model.own_parameters(), values.begin());
+  JudgedModel other = judged(with_values(model, values), kIterations);
+  const bool is_better =
+      other.fit.usable && (!result.fit.usable || other.fit.cost < result.fit.cost);
+  return is_better ? std::move(other) : std::move(result);
+}
+
 void FinalFit::choose_horizon() {
-  found_ = judged(findings_->found, kIterations);
+  found_ = judged_from_both(findings_->found);
   if (found_.fit.usable && has_skill(found_.error)) return;
   for (auto rung = findings_->rungs.rbegin(); rung != findings_->rungs.rend(); ++rung) {
     task_ = judged_by_ = data_->windows(findings_->samples_of(*data_, rung->horizon));
@@ -543,33 +556,15 @@ bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const
   return false;
 }
 
-// Something that swings is told by its frequency.
-bool FinalFit::has_loose_frequency(const PlacedFinding& law) const {
-  constexpr double kLoose = 0.3;  // standard error over value
-  const PredictionFit& fit = found_.fit;
-  const std::string& name = fit.model.model.parts[law.part].law_name;
-  if (name != "mode" && name != "resonance") return false;
-  const std::size_t frequency = fit.model.first_parameter(law.part) + 1;
-  const auto at = std::ranges::find(fit.free, frequency);
-  if (at == fit.free.end()) return false;
-  const double value = fit.model.model.parameters[frequency].value;
-  return !(found_.deviations(at - fit.free.begin()) < kLoose * std::abs(value));
-}
-
-// A law goes whose every size is smaller than its error.
+// A law goes whose every size is smaller than its error, or a wave that is not told from none.
 bool FinalFit::drop_undetermined_law() {
   const PredictionFit& fit = found_.fit;
   for (const PlacedFinding& law : fit.model.laws) {
-    const std::size_t first = fit.model.first_parameter(law.part);
-    const std::size_t last = first + fit.model.model.parts[law.part].parameters.size();
-    bool has_size = false, has_free = false;
-    for (std::size_t i = 0; i < fit.free.size(); ++i) {
-      if (fit.free[i] < first || fit.free[i] >= last) continue;
-      has_free = true;
-      const double value = fit.model.model.parameters[fit.free[i]].value;
-      has_size = has_size || std::abs(value) > found_.deviations(static_cast<Index>(i));
-    }
-    if (!has_free || (has_size && !has_loose_frequency(law))) continue;
+    const bool is_wave = fit.model.model.parts[law.part].law_name == "ripple";
+    const ToldSize size = told_size(fit, found_.deviations, law, is_wave ? kToldFromNone : 1.0);
+    const bool is_told = size.is_told && !has_loose_frequency(fit, found_.deviations, law) &&
+                         !is_longer_than_the_way(fit, law, motion());
+    if (!size.is_free || is_told) continue;
     JudgedModel without = judged(without_part(fit.model, law.part), kIterations);
     if (!without.fit.usable) continue;
     found_ = std::move(without);

@@ -121,10 +121,11 @@ class FinalFit {
   // Fitted by the task of the fit; the weights are set to what a first fit leaves.
   [[nodiscard]] JudgedModel weighed(const ExtendedLumpedModel& model);
   [[nodiscard]] PredictionFitter fitter(const PredictionTask& task) const;
+  // In free run from where the search began, too: short windows may lead to another valley.
+  [[nodiscard]] JudgedModel judged_from_both(const ExtendedLumpedModel& model) const;
   void choose_horizon();
   [[nodiscard]] bool has_skill(const Eigen::VectorXd& error) const;
   void drop_idle_laws();
-  [[nodiscard]] bool has_loose_frequency(const PlacedFinding& law) const;
   // Whether a law went whose sizes, or whose frequency, the recordings do not tell.
   [[nodiscard]] bool drop_undetermined_law();
   [[nodiscard]] bool raises_held_out(const PlacedFinding& law, const JudgedModel& without,

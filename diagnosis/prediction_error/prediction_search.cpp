@@ -622,7 +622,7 @@ PredictionFindings PredictionSearch::search_over(const std::vector<Index>& horiz
                               {}});
   }
   if (moves) findings_.found = started_to_predict(findings_.found, *data_, options_.threads);
-  start_ = findings_.found;
+  start_ = findings_.started = findings_.found;
   disturbance_ = {};
   findings_.as_given = without_laws(findings_.found);
   findings_.has_free_run = !horizons.empty() && horizons.front() == 0;

@@ -102,6 +102,7 @@ struct Rung {
 struct PredictionFindings {
   bool usable = false;
   bool stopped = false;
+  ExtendedLumpedModel started;          // where the search began
   ExtendedLumpedModel as_given, found;  // fitted
   Eigen::Index first_horizon = 0;
   std::vector<AcceptedLaw> laws;

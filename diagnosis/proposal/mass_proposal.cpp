@@ -707,7 +707,7 @@ class MassProposal {
   // believed. A weight is none, since its direction is not known.
   void doubt_sign(const OneMassStart& start) {
     const MotionChoice& motion = motions_.front();
-    const std::string drive = fmt::format("for the drive --gain=-{:g}", force_factor_),
+    const std::string drive = fmt::format("for the drive --gain={:g}", -force_factor_),
                       encoder = fmt::format(
                           "for the encoder --column '{}={}:{}'", motion.column->name,
                           motion.is_velocity ? "velocity" : "position", reversed_unit(motion));

@@ -1,0 +1,53 @@
+#include "diagnosis/predictor/told_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "problems/laws/law_catalogue.hpp"
+
+namespace graybox {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+ToldSize told_size(const PredictionFit& fit, const VectorXd& deviations, const PlacedFinding& law,
+                   double errors) {
+  const Element& part = fit.model.model.parts[law.part];
+  const LawEntry& entry = *find_law(part.law_name, part.location.kind != LocationKind::kElement);
+  const auto is_force = [](const LawParameter& each) { return each.unit.starts_with('F'); };
+  const bool has_force = std::ranges::any_of(entry.parameters, is_force);
+  const std::size_t first = fit.model.first_parameter(law.part);
+  ToldSize told;
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    if (fit.free[i] < first || fit.free[i] >= first + part.parameters.size()) continue;
+    if (has_force && !is_force(entry.parameters[fit.free[i] - first])) continue;
+    told.is_free = true;
+    const double value = std::abs(fit.model.model.parameters[fit.free[i]].value);
+    told.is_told = told.is_told || value > errors * deviations(static_cast<Index>(i));
+  }
+  return told;
+}
+
+bool has_loose_frequency(const PredictionFit& fit, const VectorXd& deviations,
+                         const PlacedFinding& law) {
+  constexpr double kLoose = 0.3;  // standard error over value
+  const std::string& name = fit.model.model.parts[law.part].law_name;
+  if (name != "mode" && name != "resonance") return false;
+  const std::size_t frequency = fit.model.first_parameter(law.part) + 1;
+  const auto at = std::ranges::find(fit.free, frequency);
+  if (at == fit.free.end()) return false;
+  const double value = fit.model.model.parameters[frequency].value;
+  return !(deviations(at - fit.free.begin()) < kLoose * std::abs(value));
+}
+
+bool is_longer_than_the_way(const PredictionFit& fit, const PlacedFinding& law,
+                            const Eigen::MatrixXd& motion) {
+  const Element& part = fit.model.model.parts[law.part];
+  if (part.law_name != "ripple" || part.location.kind != LocationKind::kElement) return false;
+  const VectorXd way = motion.leftCols(motion.cols() / 2) * part.location.input;
+  return std::abs(part.parameters[1]) > way.maxCoeff() - way.minCoeff();
+}
+
+}  // namespace graybox

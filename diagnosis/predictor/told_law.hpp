@@ -1,0 +1,29 @@
+// Whether a fit tells a law of its model at all: its size from none, its frequency, its wave.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "diagnosis/predictor/extended_lumped_model.hpp"
+#include "diagnosis/predictor/prediction_fit.hpp"
+
+namespace graybox {
+
+// Whether a size of the law is free, and one of these is larger than so many of its standard
+// errors. Sizes are the parameters that are forces, or set one; all where none is. `deviations`:
+// of the free parameters.
+struct ToldSize {
+  bool is_free = false, is_told = false;
+};
+[[nodiscard]] ToldSize told_size(const PredictionFit& fit, const Eigen::VectorXd& deviations,
+                                 const PlacedFinding& law, double errors);
+
+// Something that swings at a frequency whose error is 0.3 of it or more.
+[[nodiscard]] bool has_loose_frequency(const PredictionFit& fit, const Eigen::VectorXd& deviations,
+                                       const PlacedFinding& law);
+
+// A wave longer than the way that was gone is none: it stands in for a constant or a spring.
+// `motion`: samples x (positions, velocities).
+[[nodiscard]] bool is_longer_than_the_way(const PredictionFit& fit, const PlacedFinding& law,
+                                          const Eigen::MatrixXd& motion);
+
+}  // namespace graybox
