@@ -126,8 +126,10 @@ int solve(const MpiArguments& arguments) {
   const std::size_t rank = mpi::rank_of(MPI_COMM_WORLD), processes = mpi::size_of(MPI_COMM_WORLD);
   const DistributedSet set = [&] {
     const ReadingLimit limit(arguments.options.time_limit, arguments.set.path);
-    return read_distributed_set(MPI_COMM_WORLD, arguments.set.path,
-                                {.variable = arguments.set.variable}, arguments.set.psd_tolerance);
+    return read_distributed_set(
+        MPI_COMM_WORLD, arguments.set.path,
+        {.variable = arguments.set.variable, .factors = arguments.set.factors},
+        arguments.set.psd_tolerance);
   }();
   catch_interrupts();
   StopObserver observer;
@@ -158,6 +160,7 @@ int complain(const std::string& line) {
 void add_options(CLI::App& app, MpiArguments& arguments) {
   SolveOptions& options = arguments.options;
   add_set_options(app, arguments.set);
+  add_factors_option(app, arguments.set);
   app.add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   app.add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   app.add_option("--seed", options.seed, "of the samples")->capture_default_str();
@@ -167,7 +170,7 @@ void add_options(CLI::App& app, MpiArguments& arguments) {
   app.add_flag("--json", arguments.json, "print one machine-readable line");
   app.footer(
       "The checker decides, on all slices: status solved (exit code 0) means what it means for\n"
-      "'graybox solve'. Packed HDF5 is read slice by slice; other formats pass through the first\n"
+      "'graybox solve'. HDF5 is read slice by slice; other formats pass through the first\n"
       "process, which then needs the memory for the whole.\n"
       "Example:\n  mpirun -n 4 graybox_mpi set.h5 --gap 1e-9 -o design.json");
 }

@@ -4,8 +4,10 @@
 #include <sstream>
 
 #include "problems/families/families.hpp"
+#include "solvers/core/criterion.hpp"
 #include "solvers/exact/exact_method.hpp"
 #include "solvers/registry.hpp"
+#include "solvers/report/design_table.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -41,12 +43,28 @@ std::vector<std::string> exact_method_names() {
   return names;
 }
 
+// All that are named alone: a compound criterion is written as its parts.
+std::vector<std::string> criterion_names() {
+  std::vector<std::string> names;
+  for (int kind = 0; kind < static_cast<int>(CriterionKind::kCompound); ++kind) {
+    names.emplace_back(to_string(static_cast<CriterionKind>(kind)));
+  }
+  return names;
+}
+
+std::vector<std::string> table_format_names() {
+  std::vector<std::string> names;
+  for (const std::string_view name : table_formats()) names.emplace_back(name);
+  return names;
+}
+
 // Words that a command checks itself, since its message says more than CLI::IsMember's would.
 std::vector<std::string> words_checked_later(const std::string& option) {
   if (option == "--solver" || option == "--solvers") return solver_names();
   if (option == "--family") return family_names();
   if (option == "--method") return exact_method_names();
-  if (option == "--criterion") return {"D", "A", "E", "L", "Ds"};
+  if (option == "--criterion") return criterion_names();
+  if (option == "--format") return table_format_names();
   if (option == "--objective") return {"average", "worst_case"};
   if (option == "--reference") return {"optimum", "none"};
   return {};
@@ -54,10 +72,12 @@ std::vector<std::string> words_checked_later(const std::string& option) {
 
 // Texts that name no file.
 bool is_of_words(const std::string& option) {
-  constexpr std::string_view kWords[] = {"--interest", "--weights",  "--require",    "--forbid",
-                                         "--column",   "--base",     "--tip",        "--without",
-                                         "--load",     "--name",     "--refine",     "--stock",
-                                         "--seed",     "--variable", "--experiments"};
+  constexpr std::string_view kWords[] = {
+      "--interest", "--weights",  "--require",     "--forbid", "--column",      "--base",
+      "--tip",      "--without",  "--load",        "--name",   "--refine",      "--stock",
+      "--seed",     "--variable", "--experiments", "--p",      "--floor",       "--target",
+      "--detect",   "--command",  "--joint-limit", "--at",     "--solver-name",
+  };
   return std::ranges::find(kWords, option) != std::end(kWords);
 }
 

@@ -7,6 +7,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <set>
@@ -22,6 +23,7 @@ namespace graybox {
 namespace {
 
 constexpr Eigen::Index kFewestSamples = 50;
+constexpr std::size_t kMostRuns = 100;  // that are made of one file
 
 // A file by itself.
 struct LogFile {
@@ -236,19 +238,42 @@ LogRecording part_of(const LogRecording& whole, Eigen::Index first, Eigen::Index
   return part;
 }
 
+struct RowSpan {
+  Eigen::Index first = 0, last = 0;
+  [[nodiscard]] Eigen::Index length() const { return last - first + 1; }
+};
+
+// Runs with enough samples: the longest of them where they are many, in their order.
+std::vector<RowSpan> runs_between(const std::vector<Eigen::Index>& restarts, Eigen::Index samples,
+                                  std::size_t& left_out) {
+  std::vector<RowSpan> runs;
+  Eigen::Index first = 0;
+  std::vector<Eigen::Index> ends = restarts;
+  ends.push_back(samples - 1);
+  for (const Eigen::Index last : ends) {
+    if (last - first + 1 >= kFewestSamples) runs.push_back({first, last});
+    first = last + 1;
+  }
+  left_out = runs.size() > kMostRuns ? runs.size() - kMostRuns : 0;
+  if (left_out > 0) {
+    std::ranges::stable_sort(runs, std::ranges::greater(), &RowSpan::length);
+    runs.resize(kMostRuns);
+    std::ranges::sort(runs, {}, &RowSpan::first);
+  }
+  return runs;
+}
+
 // A recording in which the clock begins anew is several; those with too few samples leave.
 void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::string>* remarks) {
   std::vector<LogRecording> all;
   for (LogRecording& recording : recordings) {
     const LogColumn* clock = restarting_clock(recording);
     std::vector<LogRecording> parts;
+    std::size_t left_out = 0;
     if (clock != nullptr) {
-      Eigen::Index first = 0;
-      std::vector<Eigen::Index> ends = restarts_of(clock->values);
-      ends.push_back(recording.samples() - 1);
-      for (const Eigen::Index last : ends) {
-        if (last - first + 1 >= kFewestSamples) parts.push_back(part_of(recording, first, last));
-        first = last + 1;
+      for (const RowSpan& run :
+           runs_between(restarts_of(clock->values), recording.samples(), left_out)) {
+        parts.push_back(part_of(recording, run.first, run.last));
       }
     }
     if (parts.size() < 2) {
@@ -261,9 +286,10 @@ void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::s
         rows += fmt::format("{}{} to {}", rows.empty() ? "" : ", ", part.first_row + 1,
                             part.first_row + part.samples());
       }
-      remarks->push_back(fmt::format("{}: '{}' begins anew within the file: {} recordings, rows {}",
-                                     recording.files[clock->file].filename().string(), clock->name,
-                                     parts.size(), rows));
+      remarks->push_back(fmt::format(
+          "{}: '{}' begins anew within the file: {} recordings{}, rows {}",
+          recording.files[clock->file].filename().string(), clock->name, parts.size(),
+          left_out == 0 ? "" : fmt::format(", the longest of {}", parts.size() + left_out), rows));
     }
     std::ranges::move(parts, std::back_inserter(all));
   }

@@ -3,7 +3,8 @@
 // Files of one length whose columns complement each other are one recording (positions in one file,
 // efforts in another). Files with the same columns are recordings of their own. Columns of another
 // length than most (constants in a MAT file) are left out. Where a file's clock begins anew, each
-// run is a recording. Where a title has no quantity, the name of its file may have one.
+// run is a recording, or the longest hundred are. Where a title has no quantity, the name of its
+// file may have one.
 //
 //   std::vector<LogRecording> logs = read_logs({"run_1.csv", "run_2.csv"}, {});
 //   logs[0].columns[1].words.quantity

@@ -60,7 +60,8 @@ std::vector<RecordedColumn> columns_in_comment(std::string_view comment, std::st
                                                std::size_t count) {
   comment = trimmed(comment.substr(std::min(comment.find_first_not_of("#% \t"), comment.size())));
   for (const std::string_view separated : {first, comment}) {
-    const std::vector<std::string_view> titles = FieldSplitter(separated).split(comment);
+    FieldSplitter splitter(separated);  // may hold what the titles are parts of
+    const std::vector<std::string_view> titles = splitter.split(comment);
     std::vector<RecordedColumn> columns;
     std::set<std::string> names;
     for (const std::string_view title : titles) {

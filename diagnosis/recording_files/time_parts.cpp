@@ -6,8 +6,14 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+#include <vector>
 
 namespace graybox::formats {
 namespace {
@@ -53,35 +59,73 @@ std::string name_of_time(std::string_view stem) {
   return stem.empty() ? "time" : std::string(stem);
 }
 
-// The time of the seconds in column k and its rest in another, which leaves; false: there is none.
-bool join_at(std::size_t k, RecordingFile& file) {
+// Columns by name and by number, so that a file of thousands is looked through once.
+class ColumnNames {
+ public:
+  explicit ColumnNames(const RecordingFile& file) {
+    for (std::size_t k = 0; k < file.columns.size(); ++k) {
+      by_name_.try_emplace(file.columns[k].name, k);
+      numbers_.insert(file.columns[k].number);
+    }
+    numbers_.erase("");
+  }
+  [[nodiscard]] bool contains(const std::string& name) const {
+    return by_name_.contains(name) || numbers_.contains(name);
+  }
+  [[nodiscard]] std::optional<std::size_t> find(const std::string& name) const {
+    const auto found = by_name_.find(name);
+    return found == by_name_.end() ? std::nullopt : std::optional(found->second);
+  }
+  void rename(const std::string& from, const std::string& to, std::size_t column) {
+    by_name_.erase(from);
+    by_name_.emplace(to, column);
+  }
+  void erase(const std::string& name) { by_name_.erase(name); }
+
+ private:
+  std::unordered_map<std::string, std::size_t> by_name_;
+  std::unordered_set<std::string> numbers_;
+};
+
+// The column of the rest that belongs to the seconds in column k, which then hold both.
+std::optional<std::size_t> join_at(std::size_t k, RecordingFile& file, ColumnNames& names) {
+  RecordedColumn& whole = file.columns[k];
   for (const std::string_view word : kWholes) {
-    std::string_view stem, other_stem;
-    if (!stem_before(file.columns[k].name, word, stem)) continue;
+    std::string_view stem;
+    if (!stem_before(whole.name, word, stem)) continue;
+    const std::string name = name_of_time(stem);
+    if (names.contains(name)) continue;
     for (const auto& [rest, seconds] : kRests) {
-      const auto other = std::ranges::find_if(file.columns, [&](const RecordedColumn& column) {
-        return stem_before(column.name, rest, other_stem) && other_stem == stem;
-      });
-      const std::string name = name_of_time(stem);
-      if (other == file.columns.end() || file.find(name) != nullptr) continue;
-      RecordedColumn& whole = file.columns[k];
-      if (!belong_together(whole, *other, seconds)) continue;
+      const std::optional<std::size_t> other = names.find(std::string(stem).append(rest));
+      if (!other || !belong_together(whole, file.columns[*other], seconds)) continue;
+      const RecordedColumn& part = file.columns[*other];
       const double midnight = std::floor(whole.values(0) / kSecondsOfDay) * kSecondsOfDay;
-      whole.origin = fmt::format("'{}' and '{}'", whole.name, other->name);
-      whole.values = (whole.values.array() - midnight) + seconds * other->values.array();
+      whole.origin = fmt::format("'{}' and '{}'", whole.name, part.name);
+      whole.values = (whole.values.array() - midnight) + seconds * part.values.array();
       whole.unit = "s";
+      names.rename(whole.name, name, k);
+      names.erase(part.name);
       whole.name = name;
-      file.columns.erase(other);
-      return true;
+      return other;
     }
   }
-  return false;
+  return std::nullopt;
 }
 
 }  // namespace
 
 void join_time_parts(RecordingFile& file) {
-  for (std::size_t k = 0; k < file.columns.size();) k = join_at(k, file) ? 0 : k + 1;
+  ColumnNames names(file);
+  std::vector<bool> is_joined(file.columns.size(), false);
+  for (std::size_t k = 0; k < file.columns.size(); ++k) {
+    if (is_joined[k]) continue;
+    if (const std::optional<std::size_t> other = join_at(k, file, names)) is_joined[*other] = true;
+  }
+  std::vector<RecordedColumn> kept;
+  for (std::size_t k = 0; k < file.columns.size(); ++k) {
+    if (!is_joined[k]) kept.push_back(std::move(file.columns[k]));
+  }
+  file.columns = std::move(kept);
 }
 
 }  // namespace graybox::formats

@@ -77,7 +77,7 @@ FieldSplitter::FieldSplitter(std::string_view first_line) {
   }
 }
 
-const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) {
+const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) & {
   fields_.clear();
   const std::string_view whole = line;
   while (true) {

@@ -46,8 +46,8 @@ class FieldSplitter {
  public:
   explicit FieldSplitter(std::string_view first_line);
 
-  // Valid until the next call, and as long as the line is.
-  const std::vector<std::string_view>& split(std::string_view line);
+  // Valid until the next call, and as long as the line and the splitter are.
+  const std::vector<std::string_view>& split(std::string_view line) &;
 
  private:
   void take_decimal_commas(std::string_view line);

@@ -32,6 +32,18 @@ struct Part {
   std::size_t parts = 1;
 };
 
+// Takes the part's candidates of the rows, and says where it stands in the whole.
+void read_part(const hdf5::Dataset& rows, Part part, StoredSet& set) {
+  set.total = rows.shape[0];
+  if (set.total < part.parts) {
+    throw InputError(fmt::format("{}: {} candidates can't be shared by {} processes; use fewer",
+                                 rows.source, set.total, part.parts));
+  }
+  set.first = set.total * part.part / part.parts;
+  const std::size_t last = set.total * (part.part + 1) / part.parts;
+  set.information = hdf5::stored_rows(rows, set.first, last - set.first);
+}
+
 // Fills the set's dimension, information and place of the part.
 void read_packed(const hdf5::Dataset& information, Part part, StoredSet& set) {
   const hsize_t packed = information.shape[1];
@@ -42,14 +54,7 @@ void read_packed(const hdf5::Dataset& information, Part part, StoredSet& set) {
                     "packed lower triangles or [Q x d x d]",
                     information.source, hdf5::shape_text(information.shape), packed));
   }
-  set.total = information.shape[0];
-  if (set.total < part.parts) {
-    throw InputError(fmt::format("{}: {} candidates can't be shared by {} processes; use fewer",
-                                 information.source, set.total, part.parts));
-  }
-  set.first = set.total * part.part / part.parts;
-  const std::size_t last = set.total * (part.part + 1) / part.parts;
-  set.information = hdf5::stored_rows(information, set.first, last - set.first);
+  read_part(information, part, set);
 }
 
 // Rows of F_i, [Q x d] or [Q x k x d].
@@ -66,16 +71,9 @@ void read_factors(const std::string& path, hid_t file, Part part, StoredSet& set
     throw InputError(
         fmt::format("{}: there is a dataset information, too; keep one of them", factors.source));
   }
-  if (part.parts > 1) {
-    throw InputError(fmt::format(
-        "{}: slices are read from packed lower triangles; write the set as matrices: 'graybox "
-        "problem convert {} -o set.npy', then to .h5",
-        factors.source, path));
-  }
   set.dimension = shape.back();
   set.rank = shape.size() == 3 ? shape[1] : 1;
-  set.total = shape[0];
-  set.information = hdf5::stored_rows(factors, 0, set.total);
+  read_part(factors, part, set);
 }
 
 void read_information(const std::string& path, hid_t file, Part part, StoredSet& set) {

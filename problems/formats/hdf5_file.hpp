@@ -30,7 +30,7 @@ extern const ReadingTask kReadHdf5;
 
 // One of `parts` contiguous slices of a set that no single process needs to hold: candidates
 // total * part / parts up to total * (part + 1) / parts, without coordinates. The stored hash
-// covers the whole and is passed on unchecked. Only the packed [Q x p] form, no factors. Throws
+// covers the whole and is passed on unchecked. Packed lower triangles [Q x p] or factors. Throws
 // InputError as above, and for more parts than candidates.
 struct InformationSlice {
   InformationSet set;

@@ -1,8 +1,10 @@
 #include "python/bindings/information.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <memory>
@@ -13,6 +15,8 @@
 #include "problems/formats/information_set_file.hpp"
 #include "problems/formats/npy_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
+#include "problems/information/factor_form.hpp"
+#include "problems/information/held_numbers.hpp"
 #include "problems/information/set_validation.hpp"
 #include "python/bindings/call.hpp"
 
@@ -57,10 +61,9 @@ bool is_known_type(const py::array& array) {
   return type == "<f8" || type == "<f4";
 }
 
-bool is_packed_in_place(const py::array& array) {
+bool is_used_in_place(const py::array& array) {
   const bool is_aligned = reinterpret_cast<std::uintptr_t>(array.data()) % alignof(double) == 0;
-  return array.ndim() == 2 && !is_single(array) && is_aligned &&
-         (array.flags() & py::array::c_style) != 0;
+  return !is_single(array) && is_aligned && (array.flags() & py::array::c_style) != 0;
 }
 
 // Matrices in an array: packed ones of float64 where they are, others copied.
@@ -70,7 +73,7 @@ InformationSet set_of_array(const py::array& array, const std::string& name,
   const std::size_t dimension = dimension_of_shape(name, shape_of(array));
   const auto count = static_cast<std::size_t>(array.shape(0));
   AlignedArray packed;
-  if (is_packed_in_place(array)) {
+  if (array.ndim() == 2 && is_used_in_place(array)) {
     packed = AlignedArray::borrowed(static_cast<const double*>(array.data()),
                                     count * packed_size(dimension));
   } else {
@@ -87,6 +90,31 @@ InformationSet set_of_array(const py::array& array, const std::string& name,
   }
   require_finite(name, packed, dimension);
   return {dimension, std::move(packed), std::move(table), std::move(parameters), name};
+}
+
+// Factors F_i of H_i = F_i^T F_i: vectors [Q, d], or [Q, k, d]. Those of float64 in C order stay
+// where they are.
+InformationSet set_of_factors(const py::array& array, const std::string& name,
+                              std::vector<std::string> parameters, CandidateTable table) {
+  if (!is_known_type(array)) refuse_type(name, array);
+  const std::vector<std::size_t> shape = shape_of(array);
+  if ((shape.size() != 2 && shape.size() != 3) || std::ranges::count(shape, std::size_t{0}) > 0) {
+    throw InputError(fmt::format("{}: shape ({}): expected factors [Q x d] or [Q x k x d]", name,
+                                 fmt::join(shape, ", ")));
+  }
+  AlignedArray factors;
+  if (is_used_in_place(array)) {
+    factors = AlignedArray::borrowed(static_cast<const double*>(array.data()),
+                                     static_cast<std::size_t>(array.size()));
+  } else {
+    const Array values = Array::ensure(array);
+    factors = AlignedArray(static_cast<std::size_t>(values.size()));
+    std::memcpy(factors.data(), values.data(), factors.size() * sizeof(double));
+  }
+  const std::size_t rank = shape.size() == 3 ? shape[1] : 1;
+  require_finite_factors(name, std::as_const(factors).span(), rank, shape.back());
+  return InformationSet::of_factors(shape.back(), rank, std::move(factors), std::move(table),
+                                    std::move(parameters), name);
 }
 
 CandidateTable table_of(const py::object& coordinates, const py::object& names) {
@@ -106,7 +134,7 @@ CandidateTable table_of(const py::object& coordinates, const py::object& names) 
 std::unique_ptr<PythonSet> make_set(const py::object& source, const py::object& parameters,
                                     const py::object& coordinates, const py::object& names,
                                     double psd_tolerance, bool singular,
-                                    const std::string& variable) {
+                                    const std::string& variable, bool factors) {
   const SingularSum sum = singular ? SingularSum::kAllowed : SingularSum::kRefused;
   std::vector<std::string> parameter_names;
   if (!parameters.is_none()) parameter_names = py::cast<std::vector<std::string>>(parameters);
@@ -115,8 +143,9 @@ std::unique_ptr<PythonSet> make_set(const py::object& source, const py::object& 
     const std::string path = text_of(source);
     auto made = call.run([&] {
       return std::make_unique<PythonSet>(
-          PythonSet{project_semidefinite(read_information_set(path, {.variable = variable}),
-                                         psd_tolerance, sum),
+          PythonSet{project_semidefinite(
+                        read_information_set(path, {.variable = variable, .factors = factors}),
+                        psd_tolerance, sum),
                     sum});
     });
     if (call.interrupted()) throw Stopped();
@@ -128,9 +157,9 @@ std::unique_ptr<PythonSet> make_set(const py::object& source, const py::object& 
     throw InputError(
         fmt::format("{}: expected an array [Q x d x d] or packed [Q x p], or a file", kSubject));
   }
-  InformationSet set =
-      set_of_array(array, kSubject, std::move(parameter_names), table_of(coordinates, names));
-  const bool borrows = set.data() == array.data();
+  InformationSet set = (factors ? set_of_factors : set_of_array)(
+      array, kSubject, std::move(parameter_names), table_of(coordinates, names));
+  const bool borrows = held_numbers(set).data() == array.data();
   auto made = call.run([&] {
     return std::make_unique<PythonSet>(
         PythonSet{project_semidefinite(std::move(set), psd_tolerance, sum), sum});
@@ -272,6 +301,16 @@ RequestedConstraint constraint_of(const py::handle& entry) {
   return out;
 }
 
+// [Q, k, d], as the set holds them; None where it holds matrices.
+py::object factors_of(const py::object& self) {
+  const auto& set = py::cast<const PythonSet&>(self).set();
+  if (!set.has_factors()) return py::none();
+  py::array view(py::dtype::of<double>(), {set.candidate_count(), set.rank(), set.dimension()},
+                 set.factors(), self);
+  view.attr("flags").attr("writeable") = false;
+  return view;
+}
+
 }  // namespace
 
 void require_regular(const PythonSet& set, const DesignRequest& request) {
@@ -380,6 +419,7 @@ void add_information(py::module_& module) {
                         "A set of candidate experiments that has been checked once.\n\n"
                         "source: matrices [Q, d, d], packed ones [Q, p] (float64 in C order: their "
                         "memory is used,\nso that they must not change), or a file. "
+                        "factors=True: factors F of H = F'F, vectors [Q, d] or [Q, k, d].\n"
                         "coordinates: [Q, n], for forbid=\"x1 > 2\".\n"
                         "singular=True: some parameters may be without information, which "
                         "prior or done has then.")
@@ -387,7 +427,7 @@ void add_information(py::module_& module) {
            py::arg("parameters") = py::none(), py::arg("coordinates") = py::none(),
            py::arg("coordinate_names") = py::none(),
            py::arg("psd_tolerance") = kDefaultSemidefiniteTolerance, py::arg("singular") = false,
-           py::arg("variable") = "")
+           py::arg("variable") = "", py::arg("factors") = false)
       .def_property_readonly("candidates",
                              [](const PythonSet& self) { return self.set().candidate_count(); })
       .def_property_readonly("dimension",
@@ -399,6 +439,9 @@ void add_information(py::module_& module) {
                              [](const PythonSet& self) { return self.set().content_hash(); })
       .def_property_readonly("note",
                              [](const PythonSet& self) { return describe(self.projected.changed); })
+      .def_property_readonly("factors", &factors_of)
+      .def_property_readonly("has_matrices",
+                             [](const PythonSet& self) { return self.set().has_matrices(); })
       .def_property_readonly("packed",
                              [](const py::object& self) {
                                const auto& set = py::cast<const PythonSet&>(self).set();

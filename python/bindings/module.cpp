@@ -14,6 +14,9 @@
 #include "python/bindings/exact.hpp"
 #include "python/bindings/information.hpp"
 #include "python/bindings/machines.hpp"
+#include "python/bindings/planning.hpp"
+#include "python/bindings/robot_designs.hpp"
+#include "python/bindings/robust.hpp"
 
 namespace {
 
@@ -56,6 +59,9 @@ PYBIND11_MODULE(_graybox, module) {
   graybox::python::add_design(module);
   graybox::python::add_exact(module);
   graybox::python::add_candidates(module);
+  graybox::python::add_planning(module);
+  graybox::python::add_robust(module);
+  graybox::python::add_robot_designs(module);
   graybox::python::add_diagnosis(module);
   graybox::python::add_machines(module);
 }

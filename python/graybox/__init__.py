@@ -16,14 +16,20 @@ from ._designs import certify, certify_exact, exact, solve, solvers
 from ._graybox import InformationSet, InputError
 from ._graybox import version as __version__
 from ._machines import diagnose, fit, model, predict, simulate
+from ._plan_results import (ConcentratedDesign, Plan, RobustDesign, SequentialStudy,
+                            SpectrumDesign)
+from ._plans import concentrated, plan, precision_curve, robust
 from ._progress import Interrupted
 from ._recordings import Recording
 from ._results import (Certificate, Design, ExactCertificate, ExactDesign, Fit, MachineModel,
                        Prediction, Simulation, Verdict)
+from ._robots import robot_set, sequential, spectrum
 
 __all__ = [
-    "Certificate", "ContinuousDesign", "Design", "ExactCertificate", "ExactDesign", "Fit", "InformationSet",
-    "InputError", "Interrupted", "MachineModel", "Prediction", "Recording", "Simulation", "Verdict",
-    "__version__", "candidates", "certify", "certify_exact", "continuous", "diagnose", "exact", "fit", "model", "predict",
-    "simulate", "solve", "solvers", "study",
+    "Certificate", "ConcentratedDesign", "ContinuousDesign", "Design", "ExactCertificate",
+    "ExactDesign", "Fit", "InformationSet", "InputError", "Interrupted", "MachineModel", "Plan",
+    "Prediction", "Recording", "RobustDesign", "SequentialStudy", "Simulation", "SpectrumDesign",
+    "Verdict", "__version__", "candidates", "certify", "certify_exact", "concentrated",
+    "continuous", "diagnose", "exact", "fit", "model", "plan", "precision_curve", "predict",
+    "robot_set", "robust", "sequential", "simulate", "solve", "solvers", "spectrum", "study",
 ]

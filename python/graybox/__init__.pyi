@@ -32,6 +32,7 @@ class InformationSet:
         psd_tolerance: float = ...,
         singular: bool = ...,
         variable: str = ...,
+        factors: bool = ...,
     ) -> None: ...
     @property
     def candidates(self) -> int: ...
@@ -45,6 +46,10 @@ class InformationSet:
     def content_hash(self) -> str: ...
     @property
     def note(self) -> str: ...
+    @property
+    def factors(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def has_matrices(self) -> bool: ...
     @property
     def packed(self) -> NDArray[np.float64]: ...
     def save(self, path: Path) -> None: ...
@@ -143,6 +148,116 @@ class ExactDesign:
     def certify(self) -> ExactCertificate: ...
     def _repr_html_(self) -> str: ...
 
+class Plan:
+    status: str
+    experiments: int
+    least: int
+    at_most: int
+    counts: Optional[NDArray[np.int64]]
+    targets: list[dict[str, Any]]
+    worst_ratio: float
+    message: str
+    @property
+    def proven(self) -> bool: ...
+    @property
+    def support(self) -> NDArray[np.intp]: ...
+    def _repr_html_(self) -> str: ...
+
+class RobustDesign:
+    weights: Optional[NDArray[np.float64]]
+    certificate: Certificate
+    solver: str
+    status: str
+    message: str
+    objective: str
+    value: float
+    log_dets: NDArray[np.float64]
+    optima: NDArray[np.float64]
+    efficiencies: NDArray[np.float64]
+    prices: NDArray[np.float64]
+    asked_gap: float
+    seconds: float
+    passes: float
+    iterations: int
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def support(self) -> NDArray[np.intp]: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def efficiency(self) -> float: ...
+    def certify(self) -> Certificate: ...
+    def _repr_html_(self) -> str: ...
+
+class ConcentratedDesign:
+    weights: Optional[NDArray[np.float64]]
+    certificate: Certificate
+    solver: str
+    status: str
+    message: str
+    largest_share: float
+    of: int
+    concentration: float
+    price: float
+    asked_gap: float
+    seconds: float
+    passes: float
+    iterations: int
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def support(self) -> NDArray[np.intp]: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def log_det(self) -> float: ...
+    @property
+    def efficiency(self) -> float: ...
+    def certify(self) -> Certificate: ...
+    def _repr_html_(self) -> str: ...
+
+class SpectrumDesign:
+    weights: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
+    coordinate_names: list[str]
+    information: InformationSet
+    covariance: float
+    lines: int
+    position_limit: float
+    certificate: Certificate
+    status: str
+    message: str
+    asked_gap: float
+    seconds: float
+    passes: float
+    iterations: int
+    @property
+    def positions(self) -> NDArray[np.intp]: ...
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def support(self) -> NDArray[np.intp]: ...
+    @property
+    def gap(self) -> float: ...
+    @property
+    def log_det(self) -> float: ...
+    @property
+    def efficiency(self) -> float: ...
+    def _repr_html_(self) -> str: ...
+
+class SequentialStudy:
+    data: dict[str, Any]
+    repetitions: int
+    asked_repetitions: int
+    parameters: list[str]
+    records: list[dict[str, Any]]
+    summary: list[dict[str, Any]]
+    def __getattr__(self, name: str) -> Any: ...
+    def to_json(self) -> str: ...
+    def _repr_html_(self) -> str: ...
+
 def solve(
     H: Information,
     criterion: str = ...,
@@ -159,6 +274,7 @@ def solve(
     seed: int = ...,
     threads: int = ...,
     psd_tolerance: float = ...,
+    factors: bool = ...,
     progress: Progress = ...,
     experiments: Optional[float] = ...,
     budget: Optional[float] = ...,
@@ -186,6 +302,7 @@ def certify(
     p: Optional[float] = ...,
     dual_matrix: Optional[ArrayLike] = ...,
     psd_tolerance: float = ...,
+    factors: bool = ...,
     **request: Any,
 ) -> Certificate: ...
 def exact(
@@ -204,6 +321,7 @@ def exact(
     seed: int = ...,
     threads: int = ...,
     psd_tolerance: float = ...,
+    factors: bool = ...,
     progress: Progress = ...,
     **request: Any,
 ) -> ExactDesign: ...
@@ -233,7 +351,115 @@ def certify_exact(
     *,
     bound: float = ...,
     psd_tolerance: float = ...,
+    factors: bool = ...,
 ) -> ExactCertificate: ...
+def plan(
+    H: Information,
+    targets: Union[str, Sequence[str]] = ...,
+    *,
+    detect: Union[str, Sequence[str]] = ...,
+    power: float = ...,
+    level: float = ...,
+    noise: float = ...,
+    at_most: int = ...,
+    time_limit: Optional[float] = ...,
+    seed: int = ...,
+    threads: int = ...,
+    psd_tolerance: float = ...,
+    factors: bool = ...,
+    progress: Progress = ...,
+    prior: Union[None, Path, ArrayLike] = ...,
+    done: Optional[Numbers] = ...,
+    stock: Optional[Numbers] = ...,
+    require: Optional[str] = ...,
+    forbid: Optional[str] = ...,
+    constraints: Union[None, Path, Sequence[Mapping[str, Any]]] = ...,
+    A_ub: Optional[ArrayLike] = ...,
+    b_ub: Optional[ArrayLike] = ...,
+    A_eq: Optional[ArrayLike] = ...,
+    b_eq: Optional[ArrayLike] = ...,
+) -> Plan: ...
+def precision_curve(
+    H: Information,
+    experiments: Sequence[int],
+    targets: Union[str, Sequence[str]] = ...,
+    *,
+    detect: Union[str, Sequence[str]] = ...,
+    power: float = ...,
+    level: float = ...,
+    noise: float = ...,
+    time_limit: Optional[float] = ...,
+    seed: int = ...,
+    threads: int = ...,
+    psd_tolerance: float = ...,
+    factors: bool = ...,
+    progress: Progress = ...,
+    prior: Union[None, Path, ArrayLike] = ...,
+    done: Optional[Numbers] = ...,
+    stock: Optional[Numbers] = ...,
+    require: Optional[str] = ...,
+    forbid: Optional[str] = ...,
+    constraints: Union[None, Path, Sequence[Mapping[str, Any]]] = ...,
+    A_ub: Optional[ArrayLike] = ...,
+    b_ub: Optional[ArrayLike] = ...,
+    A_eq: Optional[ArrayLike] = ...,
+    b_eq: Optional[ArrayLike] = ...,
+) -> list[dict[str, Any]]: ...
+def robust(
+    sets: Sequence[Information],
+    *,
+    objective: str = ...,
+    reference: str = ...,
+    gap: float = ...,
+    time_limit: Optional[float] = ...,
+    threads: int = ...,
+    psd_tolerance: float = ...,
+    factors: bool = ...,
+    progress: Progress = ...,
+) -> RobustDesign: ...
+def concentrated(
+    H: Information,
+    largest_share: float,
+    of_candidates: float,
+    *,
+    gap: float = ...,
+    time_limit: Optional[float] = ...,
+    threads: int = ...,
+    psd_tolerance: float = ...,
+    factors: bool = ...,
+    progress: Progress = ...,
+) -> ConcentratedDesign: ...
+def robot_set(
+    robot: Optional[Path] = ...,
+    grid: Union[int, Path, ArrayLike] = ...,
+    *,
+    stiffness: Optional[ArrayLike] = ...,
+    threads: int = ...,
+) -> InformationSet: ...
+def spectrum(
+    robot: Optional[Path] = ...,
+    grid: Union[int, Path, ArrayLike] = ...,
+    *,
+    position_limit: float = ...,
+    gap: float = ...,
+    time_limit: Optional[float] = ...,
+    seed: int = ...,
+    threads: int = ...,
+    progress: Progress = ...,
+) -> SpectrumDesign: ...
+def sequential(
+    robot: Optional[Path] = ...,
+    grid: Union[int, Path, ArrayLike] = ...,
+    *,
+    stages: int = ...,
+    experiments_per_stage: int = ...,
+    repetitions: int = ...,
+    start_error: float = ...,
+    noise: float = ...,
+    seed: int = ...,
+    threads: int = ...,
+    progress: Progress = ...,
+) -> SequentialStudy: ...
 def solvers() -> list[dict[str, Any]]: ...
 
 class Recording:

@@ -8,8 +8,15 @@
 
 namespace graybox {
 
+std::span<const double> pricing_numbers(const InformationSet& set, const InverseCholesky& inverse) {
+  return set.has_factors() ? inverse.inverse_factor() : inverse.trace_dual();
+}
+
 CandidatePricer::CandidatePricer(const InformationSet& set, const InverseCholesky& inverse)
-    : set_(set), inverse_(inverse) {
+    : CandidatePricer(set, pricing_numbers(set, inverse)) {}
+
+CandidatePricer::CandidatePricer(const InformationSet& set, std::span<const double> pricing_numbers)
+    : set_(set), numbers_(pricing_numbers) {
   if (set.has_factors()) scratch_.resize(factor_kernels().scratch_size(set.dimension()));
 }
 
@@ -17,22 +24,22 @@ void CandidatePricer::price(std::size_t from, std::size_t count, double* out) {
   if (set_.has_factors()) {
     const std::size_t each = set_.rank() * set_.dimension();
     factor_kernels().price(set_.factors() + from * each, count, set_.rank(), set_.dimension(),
-                           inverse_.inverse_factor().data(), scratch_.data(), out);
+                           numbers_.data(), scratch_.data(), out);
     return;
   }
   const std::size_t p = set_.packed_size();
-  kernels().price(set_.data() + from * p, count, p, inverse_.trace_dual().data(), out);
+  kernels().price(set_.data() + from * p, count, p, numbers_.data(), out);
 }
 
 void CandidatePricer::price(std::span<const std::size_t> candidates, double* out) {
   if (set_.has_factors()) {
     factor_kernels().price_indexed(set_.factors(), candidates.data(), candidates.size(),
-                                   set_.rank(), set_.dimension(), inverse_.inverse_factor().data(),
-                                   scratch_.data(), out);
+                                   set_.rank(), set_.dimension(), numbers_.data(), scratch_.data(),
+                                   out);
     return;
   }
   dense_kernels().price_indexed(set_.data(), candidates.data(), candidates.size(),
-                                set_.packed_size(), inverse_.trace_dual().data(), out);
+                                set_.packed_size(), numbers_.data(), out);
 }
 
 double squared_whitened_norm_of_factor(std::span<const double> factor, std::size_t rank,

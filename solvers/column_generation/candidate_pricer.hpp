@@ -14,6 +14,8 @@
 // With S = sum_k M_kk W_kk >= d the relative error of w is at most 2 g(d) u sqrt(d S), no more than
 // 2 g(d) u S: of the size that the error of X itself has.
 // Keeps references to both arguments. 32 d numbers of its own.
+//
+// What prices is p numbers, pricing_numbers(): they can be sent to where the set is.
 #pragma once
 
 #include <cstddef>
@@ -25,16 +27,22 @@
 
 namespace graybox {
 
+// What prices the candidates of a set in its form: X for factors, M^-1 in trace-dual packing for
+// matrices.
+[[nodiscard]] std::span<const double> pricing_numbers(const InformationSet& set,
+                                                      const InverseCholesky& inverse);
+
 class CandidatePricer {
  public:
   CandidatePricer(const InformationSet& set, const InverseCholesky& inverse);
+  CandidatePricer(const InformationSet& set, std::span<const double> pricing_numbers);
 
   void price(std::size_t from, std::size_t count, double* out);
   void price(std::span<const std::size_t> candidates, double* out);
 
  private:
   const InformationSet& set_;
-  const InverseCholesky& inverse_;
+  std::span<const double> numbers_;
   std::vector<double> scratch_;
 };
 

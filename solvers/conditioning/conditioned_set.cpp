@@ -11,6 +11,7 @@
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/stop.hpp"
+#include "problems/information/held_numbers.hpp"
 #include "solvers/conditioning/twofold_congruence.hpp"
 #include "solvers/core/sensitivity.hpp"
 
@@ -69,24 +70,9 @@ bool sum_is_singular(const InformationSet& set) {
 
 // The information matrix of the uniform design, packed.
 std::vector<Real> uniform_mean(const InformationSet& set) {
-  const std::size_t d = set.dimension(), count = set.candidate_count();
-  std::vector<Real> sum(set.packed_size(), 0);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!set.has_factors()) {
-      const auto h = set.information(i);
-      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += h[k];
-      continue;
-    }
-    const auto factor = set.factor(i);
-    for (std::size_t from = 0; from < factor.size(); from += d) {
-      for (std::size_t j = 0, k = 0; j < d; ++j) {
-        const Real entry = factor[from + j];
-        for (std::size_t l = 0; l <= j; ++l, ++k) sum[k] += entry * factor[from + l];
-      }
-    }
-  }
-  for (Real& x : sum) x /= static_cast<Real>(count);
-  return sum;
+  std::vector<Real> mean = extended_sum(set);
+  for (Real& x : mean) x /= static_cast<Real>(set.candidate_count());
+  return mean;
 }
 
 // R = L^-1 with packed = L L^T; lower triangle, full row-major. False if a pivot, relative to unit
@@ -121,6 +107,39 @@ bool inverse_factor(const std::vector<Real>& packed, std::size_t d, std::vector<
 
 }  // namespace
 
+std::vector<long double> extended_sum(const InformationSet& set) {
+  const std::size_t d = set.dimension(), count = set.candidate_count();
+  std::vector<Real> sum(set.packed_size(), 0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!set.has_factors()) {
+      const auto h = set.information(i);
+      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += h[k];
+      continue;
+    }
+    const auto factor = set.factor(i);
+    for (std::size_t from = 0; from < factor.size(); from += d) {
+      for (std::size_t j = 0, k = 0; j < d; ++j) {
+        const Real entry = factor[from + j];
+        for (std::size_t l = 0; l <= j; ++l, ++k) sum[k] += entry * factor[from + l];
+      }
+    }
+  }
+  return sum;
+}
+
+std::optional<InformationSet> in_coordinates(const InformationSet& set, std::span<const double> r,
+                                             int threads) {
+  const std::size_t d = set.dimension(), count = set.candidate_count();
+  const std::span<const double> numbers = held_numbers(set);
+  AlignedArray copy(numbers.size());
+  const bool done =
+      set.has_factors()
+          ? twofold_product(numbers.data(), count * set.rank(), d, r, copy.data(), threads)
+          : twofold_congruence(numbers.data(), count, d, r, copy.data(), threads);
+  if (!done) return std::nullopt;
+  return of_same_form(set, std::move(copy));
+}
+
 ConditionedSet::ConditionedSet(const InformationSet& set, double accuracy, Tracer& tracer,
                                int threads)
     : original_(set), uniform_(set.packed_size()) {
@@ -140,20 +159,12 @@ ConditionedSet::ConditionedSet(const InformationSet& set, double accuracy, Trace
 
 void ConditionedSet::whiten(int threads) {
   const std::size_t d = original_.dimension();
-  const std::size_t p = original_.packed_size();
   const std::size_t count = original_.candidate_count();
   std::vector<Real> r;
   if (!inverse_factor(uniform_mean(original_), d, r)) refuse_singular(original_);
   coordinates_.assign(r.begin(), r.end());
-  const std::size_t rank = original_.rank();
-  AlignedArray copy(count * (rank == 0 ? p : rank * d));
-  const bool done =
-      rank == 0 ? twofold_congruence(original_.data(), count, d, coordinates_, copy.data(), threads)
-                : twofold_product(original_.factors(), count * rank, d, coordinates_, copy.data(),
-                                  threads);
-  if (!done) return coordinates_.clear();  // the caller has no time for more
-  copy_.emplace(rank == 0 ? InformationSet(d, std::move(copy))
-                          : InformationSet::of_factors(d, rank, std::move(copy)));
+  copy_ = in_coordinates(original_, coordinates_, threads);
+  if (!copy_) return coordinates_.clear();  // the caller has no time for more
   const std::vector<double> weights(count, 1.0 / static_cast<double>(count));
   information_matrix(*copy_, weights, uniform_);
   // The identity, unless the spread is beyond what extended precision bears.

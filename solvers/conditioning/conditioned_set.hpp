@@ -55,6 +55,14 @@ class ConditionedSet {
   std::vector<double> coordinates_;
 };
 
+// The sum of all matrices, packed, in extended precision: of factors the sum of F^T F.
+[[nodiscard]] std::vector<long double> extended_sum(const InformationSet& set);
+
+// The candidates in coordinates `r`, d x d row-major lower triangular: R H_i R^T or F_i R^T, each
+// rounded once. Nothing where it was asked to stop (stop.hpp).
+[[nodiscard]] std::optional<InformationSet> in_coordinates(const InformationSet& set,
+                                                           std::span<const double> r, int threads);
+
 // Sensitivities are wanted this much more accurate than the gap that is to be reached.
 inline constexpr double kSensitivityAccuracy = 1e-3;
 

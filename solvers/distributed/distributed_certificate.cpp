@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "problems/information/held_numbers.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
 
 namespace graybox {
@@ -13,14 +14,16 @@ using Support = std::vector<std::pair<std::size_t, double>>;
 
 constexpr std::size_t kChunk = 16384;  // candidates of the slice that are certified together
 
-// The support's matrices, then a stretch of the slice. The design is the same on each.
+// The support's matrices or factors, then a stretch of the slice. The design is the same on each.
 InformationSet part_of(const InformationSet& support, const InformationSet& slice, std::size_t from,
                        std::size_t count) {
-  const std::size_t p = slice.packed_size(), own = support.candidate_count() * p;
-  AlignedArray rows(own + count * p);
-  std::copy_n(support.data(), own, rows.begin());
-  std::copy_n(slice.data() + from * p, count * p, rows.begin() + own);
-  return InformationSet(slice.dimension(), std::move(rows));
+  const std::span<const double> members = held_numbers(support);
+  const std::size_t each = numbers_each(slice);
+  const std::span<const double> stretch = held_numbers(slice).subspan(from * each, count * each);
+  AlignedArray rows(members.size() + stretch.size());
+  std::ranges::copy(members, rows.begin());
+  std::ranges::copy(stretch, rows.begin() + members.size());
+  return of_same_form(slice, std::move(rows));
 }
 
 double reach(const Certificate& certificate) {
@@ -64,15 +67,16 @@ Certificate certify_slice(const InformationSet& support, const InformationSet& s
 
 InformationSet gather_support(MPI_Comm communicator, const InformationSet& slice,
                               std::size_t first_index, const Support& support) {
-  const std::size_t p = slice.packed_size();
-  AlignedArray rows(support.size() * p, 0.0);
+  const std::size_t each = numbers_each(slice);
+  AlignedArray rows(support.size() * each, 0.0);
   for (std::size_t k = 0; k < support.size(); ++k) {
     const std::size_t index = support[k].first;
     if (index < first_index || index >= first_index + slice.candidate_count()) continue;
-    std::ranges::copy(slice.information(index - first_index), rows.begin() + k * p);
+    std::ranges::copy(held_numbers(slice).subspan((index - first_index) * each, each),
+                      rows.begin() + k * each);
   }
   mpi::sum(communicator, rows.span());  // all others have zeros there
-  return InformationSet(slice.dimension(), std::move(rows));
+  return of_same_form(slice, std::move(rows));
 }
 
 Certificate certify_distributed(MPI_Comm communicator, const InformationSet& slice,

@@ -15,8 +15,8 @@
 
 namespace graybox {
 
-// The support's candidates as a set of their own, in the order of `support` (global index, weight),
-// on every process. Collective.
+// The support's candidates as a set of their own, on every process. Its form is that of the slices,
+// its order that of `support` (global index, weight). Collective.
 [[nodiscard]] InformationSet gather_support(
     MPI_Comm communicator, const InformationSet& slice, std::size_t first_index,
     const std::vector<std::pair<std::size_t, double>>& support);

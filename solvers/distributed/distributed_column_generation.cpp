@@ -14,15 +14,14 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "problems/kernels/kernels.hpp"
 #include "solvers/column_generation/candidate_pool.hpp"
+#include "solvers/column_generation/candidate_pricer.hpp"
 #include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/column_generation/well_conditioned_start.hpp"
+#include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/conditioning/extended_information.hpp"
-#include "solvers/conditioning/twofold_congruence.hpp"
 #include "solvers/core/tracer.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
-#include "solvers/kernels/dense_kernels.hpp"
 #include "solvers/report/solve_report.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 
@@ -40,10 +39,17 @@ std::string rounding_message(double error) {
   return fmt::format("rounding hides up to {:.1e} of the gap", error);
 }
 
+// The packed matrix of a candidate, in either form of the set.
+void copy_packed(const InformationSet& set, std::size_t candidate, std::span<double> out) {
+  const auto packed = set.packed(candidate, out);
+  if (packed.data() != out.data()) std::ranges::copy(packed, out.begin());
+}
+
 // What the first process asks of all.
 enum Command : std::uint64_t { kPriceSlice, kPriceList, kFinish };
 
 // One process's candidates. The list is the part with the largest sensitivities at the last pass.
+// Candidates are priced in the form that the set holds, and travel as packed matrices.
 class Slice {
  public:
   Slice(const InformationSet& set, std::size_t first_index, int threads)
@@ -52,24 +58,26 @@ class Slice {
         threads_(threads),
         sensitivity_(set.candidate_count()) {}
 
-  // Both return how many candidates were read.
-  std::size_t price_all(const double* dual) {
+  // Both return how many candidates were read. `numbers`: pricing_numbers().
+  std::size_t price_all(std::span<const double> numbers) {
     constexpr std::size_t kPricedTogether = 4096;
-    const std::size_t count = set_.candidate_count(), p = set_.packed_size();
+    const std::size_t count = set_.candidate_count();
     const std::size_t chunks = (count + kPricedTogether - 1) / kPricedTogether;
-#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
-    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
-      const std::size_t from = chunk * kPricedTogether;
-      kernels().price(set_.data() + from * p, std::min(kPricedTogether, count - from), p, dual,
-                      sensitivity_.data() + from);
+#pragma omp parallel num_threads(threads_) if (threads_ > 1)
+    {
+      CandidatePricer pricer(set_, numbers);
+#pragma omp for schedule(static)
+      for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+        const std::size_t from = chunk * kPricedTogether;
+        pricer.price(from, std::min(kPricedTogether, count - from), sensitivity_.data() + from);
+      }
     }
     choose_list();
     return count;
   }
 
-  std::size_t price_list(const double* dual) {
-    dense_kernels().price_indexed(set_.data(), list_.data(), list_.size(), set_.packed_size(), dual,
-                                  list_sensitivity_.data());
+  std::size_t price_list(std::span<const double> numbers) {
+    CandidatePricer(set_, numbers).price(list_, list_sensitivity_.data());
     return list_.size();
   }
 
@@ -92,7 +100,7 @@ class Slice {
       double* record = records.data() + k * (p + 2);
       record[0] = *largest;
       record[1] = static_cast<double>(first_index_ + candidate);  // exact below 2^53
-      std::ranges::copy(set_.information(candidate), record + 2);
+      copy_packed(set_, candidate, {record + 2, p});
     }
   }
 
@@ -129,7 +137,7 @@ std::vector<double> gather_sample(MPI_Comm communicator, const InformationSet& s
     const std::size_t from = own * k / count, to = own * (k + 1) / count;
     const std::size_t i = from + random.below(to - from);
     rows[k * (p + 1)] = static_cast<double>(first_index + i);  // exact below 2^53
-    std::ranges::copy(set.information(i), rows.data() + k * (p + 1) + 1);
+    copy_packed(set, i, {rows.data() + k * (p + 1) + 1, p});
   }
   return mpi::gather(communicator, rows);
 }
@@ -185,7 +193,7 @@ class Coordinator {
         wanted_(2 * set.dimension()),
         rank_(mpi::rank_of(communicator)),
         total_(mpi::sum(communicator, set.candidate_count())),
-        dual_(set.packed_size()) {}
+        numbers_(set.packed_size()) {}
 
   // The first process has the design and the status; publish() gives them to the others.
   DistributedDesign run() {
@@ -234,13 +242,13 @@ class Coordinator {
     mpi::broadcast(communicator_, code);
   }
 
-  // One pass over all slices (or all lists) with the first process's M^-1; records_ on the first
-  // process then holds the candidates of all.
+  // One pass over all slices (or all lists) with what the first process prices with; records_ on
+  // the first process then holds the candidates of all.
   void price(Command command) {
-    if (rank_ == 0) std::ranges::copy(working_.inverse().trace_dual(), dual_.begin());
-    mpi::broadcast(communicator_, std::span<double>(dual_));
+    if (rank_ == 0) std::ranges::copy(pricing_numbers(set_, working_.inverse()), numbers_.begin());
+    mpi::broadcast(communicator_, std::span<double>(numbers_));
     const std::size_t read =
-        command == kPriceSlice ? slice_.price_all(dual_.data()) : slice_.price_list(dual_.data());
+        command == kPriceSlice ? slice_.price_all(numbers_) : slice_.price_list(numbers_);
     slice_.best(command, wanted_, mine_);
     mine_.push_back(static_cast<double>(read));
     records_ = mpi::gather(communicator_, mine_);
@@ -366,7 +374,7 @@ class Coordinator {
   std::size_t total_;
   std::int64_t iterations_ = 0;
   double best_gap_ = kInfinity;
-  std::vector<double> dual_;
+  std::vector<double> numbers_;  // pricing_numbers()
   std::vector<double> mine_;
   std::vector<double> records_;
   DistributedDesign design_;
@@ -393,14 +401,10 @@ void publish(MPI_Comm communicator, DistributedDesign& design) {
 
 // The mean of all candidates, rounded to double precision at last.
 InformationSet mean_of_all(MPI_Comm communicator, const InformationSet& slice) {
-  const std::size_t p = slice.packed_size(), count = slice.candidate_count();
-  std::vector<long double> sum(p, 0.0L);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto row = slice.information(i);
-    for (std::size_t k = 0; k < p; ++k) sum[k] += row[k];
-  }
+  const std::size_t p = slice.packed_size();
+  std::vector<long double> sum = extended_sum(slice);
   mpi::sum(communicator, std::span<long double>(sum));
-  const auto total = static_cast<long double>(mpi::sum(communicator, count));
+  const auto total = static_cast<long double>(mpi::sum(communicator, slice.candidate_count()));
   AlignedArray mean(p);
   for (std::size_t k = 0; k < p; ++k) mean[k] = static_cast<double>(sum[k] / total);
   return InformationSet(slice.dimension(), std::move(mean));
@@ -416,11 +420,9 @@ std::optional<InformationSet> whitened(MPI_Comm communicator, const InformationS
   if (!information.regular()) return std::nullopt;
   const std::vector<double> coordinates(information.inverse_factor().begin(),
                                         information.inverse_factor().end());
-  AlignedArray rows(slice.candidate_count() * slice.packed_size());
-  const bool done = twofold_congruence(slice.data(), slice.candidate_count(), slice.dimension(),
-                                       coordinates, rows.data(), threads);
-  if (mpi::sum(communicator, done ? 0U : 1U) > 0) return std::nullopt;
-  return InformationSet(slice.dimension(), std::move(rows));
+  std::optional<InformationSet> better = in_coordinates(slice, coordinates, threads);
+  if (mpi::sum(communicator, better ? 0U : 1U) > 0) return std::nullopt;
+  return better;
 }
 
 // What the checker does not confirm is not claimed.

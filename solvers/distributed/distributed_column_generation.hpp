@@ -2,7 +2,8 @@
 // can't hold or one machine's memory bus reads too slowly. Each process owns a contiguous slice of
 // the candidates and prices it; the first process keeps the working set (working_set.hpp), solves
 // it, and broadcasts the p numbers of M^-1. Per pass each process reads its slice once and sends
-// 2 d candidates; nothing else crosses the network.
+// 2 d candidates; nothing else crosses the network. Slices in factor form (information_set.hpp) are
+// priced by their factors with X, M^-1 = X^T X: no matrices are made but of the candidates sent.
 //
 //   MPI_Init(&argc, &argv);
 //   const auto slice = ...;                          // this process's candidates

@@ -12,6 +12,8 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/sha256.hpp"
 #include "problems/formats/hdf5_file.hpp"
+#include "problems/information/factor_form.hpp"
+#include "problems/information/held_numbers.hpp"
 #include "problems/information/set_validation.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
 
@@ -20,8 +22,8 @@ namespace {
 
 constexpr std::size_t kChunkNumbers = std::size_t{1} << 22;  // that are sent together
 
-// Candidates of p numbers that are sent together.
-std::size_t chunk_of(std::size_t p) { return std::max(kChunkNumbers / p, std::size_t{1}); }
+// Candidates of so many numbers each that are sent together.
+std::size_t chunk_of(std::size_t each) { return std::max(kChunkNumbers / each, std::size_t{1}); }
 
 // Throws what any process has caught on all of them.
 void agree(MPI_Comm communicator, const std::string& error) {
@@ -72,8 +74,9 @@ std::size_t project_slice(DistributedSet& set, double tolerance) {
 void check_sum(MPI_Comm communicator, const DistributedSet& set) {
   const std::size_t d = set.slice.dimension(), p = set.slice.packed_size();
   std::vector<long double> sum(p, 0.0L);
+  std::vector<double> buffer(p);
   for (std::size_t i = 0; i < set.slice.candidate_count(); ++i) {
-    const auto row = set.slice.information(i);
+    const auto row = set.slice.packed(i, buffer);
     double size = 0.0;
     for (std::size_t j = 0; j < d; ++j) size = std::max(size, row[packed_index(j, j)]);
     if (!(size > 0.0)) continue;
@@ -88,30 +91,47 @@ void check_sum(MPI_Comm communicator, const DistributedSet& set) {
       InformationSet(d, std::move(mean), {}, set.slice.parameters(), set.slice.name()));
 }
 
+// Candidates as the slice holds them are hashed as packed matrices, a few at a time.
+void hash_candidates(const InformationSet& slice, std::span<const double> numbers, Sha256& hash) {
+  if (!slice.has_factors()) return hash.update(numbers.data(), numbers.size_bytes());
+  constexpr std::size_t kAtOnce = 256;
+  const std::size_t each = numbers_each(slice), p = slice.packed_size();
+  std::vector<double> packed(kAtOnce * p);
+  while (!numbers.empty()) {
+    const std::size_t count = std::min(kAtOnce, numbers.size() / each);
+    for (std::size_t k = 0; k < count; ++k) {
+      pack_factor(numbers.data() + k * each, slice.rank(), slice.dimension(),
+                  packed.data() + k * p);
+    }
+    hash.update(packed.data(), count * p * sizeof(double));
+    numbers = numbers.subspan(count * each);
+  }
+}
+
 // On the first process; empty on the others.
 std::string hash_of_all(MPI_Comm communicator, const DistributedSet& set) {
-  const std::size_t p = set.slice.packed_size();
+  const std::size_t each = numbers_each(set.slice);
   const std::size_t processes = mpi::size_of(communicator), rank = mpi::rank_of(communicator);
-  const std::size_t chunk = chunk_of(p);
-  const std::span<const double> mine(set.slice.data(), set.slice.candidate_count() * p);
+  const std::size_t chunk = chunk_of(each);
+  const std::span<const double> mine = held_numbers(set.slice);
   if (rank != 0) {
-    for (std::size_t from = 0; from < mine.size(); from += chunk * p) {
-      mpi::send(communicator, mine.subspan(from, std::min(chunk * p, mine.size() - from)), 0);
+    for (std::size_t from = 0; from < mine.size(); from += chunk * each) {
+      mpi::send(communicator, mine.subspan(from, std::min(chunk * each, mine.size() - from)), 0);
     }
     return {};
   }
   Sha256 hash;
   const std::uint64_t shape[2] = {set.total, set.slice.dimension()};
   hash.update(shape, sizeof shape);
-  hash.update(mine.data(), mine.size_bytes());
-  std::vector<double> received(chunk * p);
+  hash_candidates(set.slice, mine, hash);
+  std::vector<double> received(processes > 1 ? chunk * each : 0);
   for (std::size_t other = 1; other < processes; ++other) {
     const std::size_t begin = set.total * other / processes;
     const std::size_t end = set.total * (other + 1) / processes;
     for (std::size_t from = begin; from < end; from += chunk) {
-      const auto part = std::span(received).first(std::min(chunk, end - from) * p);
+      const auto part = std::span(received).first(std::min(chunk, end - from) * each);
       mpi::receive(communicator, part, other);
-      hash.update(part.data(), part.size_bytes());
+      hash_candidates(set.slice, part, hash);
     }
   }
   return hash.hexadecimal();
@@ -123,25 +143,29 @@ InformationSet share_out(MPI_Comm communicator, const std::optional<InformationS
   const std::size_t processes = mpi::size_of(communicator), rank = mpi::rank_of(communicator);
   std::uint64_t total = whole ? whole->candidate_count() : 0;
   std::uint64_t dimension = whole ? whole->dimension() : 0;
-  mpi::broadcast(communicator, total);
-  mpi::broadcast(communicator, dimension);
+  std::uint64_t factor_rows = whole ? whole->rank() : 0;  // none: matrices
+  for (std::uint64_t* number : {&total, &dimension, &factor_rows}) {
+    mpi::broadcast(communicator, *number);
+  }
   if (total < processes) {
     throw InputError(
         fmt::format("{}: {} processes are too many for {} candidates", name, processes, total));
   }
-  const std::size_t p = packed_size(dimension);
+  const std::size_t each = factor_rows == 0 ? packed_size(dimension) : factor_rows * dimension;
   const auto begin_of = [&](std::size_t process) { return total * process / processes; };
-  AlignedArray mine((begin_of(rank + 1) - begin_of(rank)) * p);
+  AlignedArray mine((begin_of(rank + 1) - begin_of(rank)) * each);
   if (rank != 0) {
     mpi::receive(communicator, mine.span(), 0);
   } else {
-    std::copy_n(whole->data(), mine.size(), mine.begin());
+    const std::span<const double> all = held_numbers(*whole);
+    std::copy_n(all.begin(), mine.size(), mine.begin());
     for (std::size_t other = 1; other < processes; ++other) {
       const std::size_t from = begin_of(other), to = begin_of(other + 1);
-      mpi::send(communicator, {whole->data() + from * p, (to - from) * p}, other);
+      mpi::send(communicator, all.subspan(from * each, (to - from) * each), other);
     }
   }
-  return InformationSet(dimension, std::move(mine), {}, {}, name);
+  if (factor_rows == 0) return InformationSet(dimension, std::move(mine), {}, {}, name);
+  return InformationSet::of_factors(dimension, factor_rows, std::move(mine), {}, {}, name);
 }
 
 DistributedSet read_slices(MPI_Comm communicator, const std::string& path, std::string& stated) {
@@ -173,8 +197,10 @@ DistributedSet read_whole(MPI_Comm communicator, const std::string& path,
 DistributedSet read_distributed_set(MPI_Comm communicator, const std::string& path,
                                     const ReadOptions& options, double psd_tolerance) {
   std::string stated;
-  DistributedSet set = is_hdf5(path) ? read_slices(communicator, path, stated)
-                                     : read_whole(communicator, path, options);
+  // Options that are not for HDF5 are refused where all other formats are read.
+  const bool in_slices = is_hdf5(path) && !options.factors && options.variable.empty();
+  DistributedSet set =
+      in_slices ? read_slices(communicator, path, stated) : read_whole(communicator, path, options);
   set.content_hash = hash_of_all(communicator, set);
   mpi::broadcast(communicator, set.content_hash);
   if (!stated.empty() && stated != set.content_hash) {

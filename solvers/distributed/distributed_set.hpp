@@ -4,8 +4,9 @@
 //   const DistributedSet set = read_distributed_set(MPI_COMM_WORLD, "set.h5");
 //   set.slice.candidate_count() of set.total candidates, from set.first on
 //
-// Packed HDF5 is read slice by slice: no process holds the whole set. Of other formats the first
-// process reads the whole and sends the others their slices. Every matrix is checked and, within
+// HDF5 is read slice by slice, packed matrices or factors: no process holds the whole set. Of other
+// formats the first process reads the whole and sends the others their slices. A set in factor form
+// stays in it (information_set.hpp). Every matrix is checked and, within
 // the tolerance, made positive semidefinite as project_semidefinite() does it. The sum of all must
 // be regular. A hash that the file states must be that of the numbers: the first process forms it
 // of all slices, which stream through it once.

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "problems/base/error.hpp"
@@ -65,7 +66,7 @@ std::string with_escapes(const std::string& text,
 
 std::string csv_cell(const std::string& text) {
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  return "\"" + with_escapes(text, {{'"', "\"\""}}) + "\"";
+  return fmt::format("\"{}\"", with_escapes(text, {{'"', "\"\""}}));
 }
 
 std::string markdown_cell(const std::string& text) {
@@ -132,11 +133,18 @@ DesignSchedule design_schedule(const InformationSet& set, std::span<const std::i
   return scheduled(set, runs, true);
 }
 
+std::span<const std::string_view> table_formats() {
+  static constexpr std::array<std::string_view, 3> kNames{"csv", "markdown", "latex"};
+  return kNames;
+}
+
 TableFormat table_format(std::string_view name) {
-  if (name == "csv") return TableFormat::kCsv;
-  if (name == "markdown") return TableFormat::kMarkdown;
-  if (name == "latex") return TableFormat::kLatex;
-  throw InputError(fmt::format("--format {}: choose csv, markdown or latex", name));
+  const auto known = table_formats();
+  const auto found = std::ranges::find(known, name);
+  if (found == known.end()) {
+    throw InputError(fmt::format("--format {}: choose one of {}", name, fmt::join(known, ", ")));
+  }
+  return static_cast<TableFormat>(found - known.begin());  // in the order of the names
 }
 
 std::string design_table(const InformationSet& set, const DesignSchedule& schedule,

@@ -37,7 +37,9 @@ struct DesignSchedule {
                                              std::span<const std::int64_t> counts);
 
 enum class TableFormat : std::int8_t { kCsv, kMarkdown, kLatex };
-// "csv", "markdown", "latex". Throws InputError for another name.
+// "csv", "markdown", "latex".
+[[nodiscard]] std::span<const std::string_view> table_formats();
+// Throws InputError for another name.
 [[nodiscard]] TableFormat table_format(std::string_view name);
 
 [[nodiscard]] std::string design_table(const InformationSet& set, const DesignSchedule& schedule,

@@ -26,6 +26,32 @@ code=0
 [[ "$code" == 2 ]] || fail "an indefinite matrix gave exit code $code, not 2"
 grep -q 'candidate 2' "$folder/errors" || fail "the candidate is not named: $(cat "$folder/errors")"
 
+# Factors: the same design as of one process, and the same set by its hash; no matrices are made.
+"$graybox" problem random --family r1g --candidates 3000 --dimension 6 --seed 4 --factors \
+  -o "$folder/factors.h5"
+"$graybox" solve "$folder/factors.h5" --gap 1e-13 --json -o "$folder/one.json" > "$folder/one" || true
+for processes in 1 2; do
+  "$mpiexec" -n "$processes" --oversubscribe "$graybox_mpi" "$folder/factors.h5" --gap 1e-13 --json \
+    -o "$folder/shared.json" > "$folder/line" || true
+  python3 - "$folder" "$processes" << 'EOF' || fail "factors: $processes processes differ from one"
+import json, sys
+folder, processes = sys.argv[1], int(sys.argv[2])
+one, shared = (json.load(open(f"{folder}/{name}.json")) for name in ("one", "shared"))
+lines = [json.load(open(f"{folder}/{name}")) for name in ("one", "line")]
+assert lines[0]["problem_hash"] == lines[1]["problem_hash"] and lines[1]["processes"] == processes
+assert abs(lines[0]["log_det"] - lines[1]["log_det"]) < 1e-9, lines
+weights = [{row["index"]: row["weight"] for row in design["support"]} for design in (one, shared)]
+for index in weights[0].keys() | weights[1].keys():
+    assert abs(weights[0].get(index, 0.0) - weights[1].get(index, 0.0)) < 1e-9, (index, weights)
+EOF
+done
+for i in 0 1 2 3 4 5 6 7 8; do echo "1,$i,$((i * i))"; done > "$folder/vectors.csv"
+"$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/vectors.csv" --factors --json > "$folder/line"
+grep -q '"status":"solved".*"support_size":3' "$folder/line" || fail "vectors: $(cat "$folder/line")"
+code=0
+"$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/set.h5" --factors 2> "$folder/errors" || code=$?
+[[ "$code" == 2 ]] && grep -q 'leave it out' "$folder/errors" || fail "--factors of an HDF5 file"
+
 # Large matrices take the memory of the set and of a few candidates beside it.
 "$graybox" problem random --family wis --candidates 300 --dimension 150 -o "$folder/large.h5"
 "$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/large.h5" --gap 0.1 --json > "$folder/line"

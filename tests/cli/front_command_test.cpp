@@ -6,8 +6,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <regex>
+#include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/command_runner.hpp"
@@ -193,7 +195,7 @@ TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
   EXPECT_EQ(completed("graybox design ro"), Replies{"robust"});
   EXPECT_EQ(completed("graybox help design ro"), Replies{"robust"});
   EXPECT_EQ(completed("graybox solve --cri"), Replies{"--criterion"});
-  EXPECT_EQ(completed("graybox solve set.h5 --criterion ''"), (Replies{"D", "A", "E", "L", "Ds"}));
+  EXPECT_EQ(completed("graybox solve --p s"), Replies{});
   EXPECT_EQ(completed("graybox solve --solver column"), Replies{"column_generation"});
   EXPECT_EQ(completed("graybox solve --solver = column"), Replies{"column_generation"});
   EXPECT_EQ(completed("graybox solve s"), Replies{"set.h5"});
@@ -210,6 +212,32 @@ TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
   EXPECT_GT(completions.size(), 5U);
   for (const std::string& name : completions) {
     EXPECT_NE(solvers.find("\"name\":\"" + name + "\""), std::string::npos) << name;
+  }
+}
+
+// What a refusal offers is what completion offers: "...choose a, b or c".
+TEST_F(FrontDoor, CompletionOffersWhatTheRefusalOffers) {
+  const Outcome script = graybox("completion bash");
+  write_text(folder_.file("graybox.bash"), script.out);
+  const std::pair<const char*, const char*> asked[] = {
+      {"solve set.npy", "--criterion"},          {"check set.npy design.json", "--criterion"},
+      {"exact set.npy", "--criterion"},          {"solve set.npy", "--format"},
+      {"check set.npy design.json", "--format"}, {"exact set.npy", "--format"},
+      {"design robust a.npy", "--objective"},    {"design robust a.npy", "--reference"},
+      {"problem random -o a.h5", "--family"}};
+  for (const auto& [command, option] : asked) {
+    const std::string line = fmt::format("{} {} ", command, option);
+    const Outcome refusal = graybox(line + "nonsense");
+    EXPECT_EQ(refusal.exit_code, 2) << line;
+    std::string offer = refusal.err.substr(refusal.err.find("nonsense") + 8);
+    offer = std::regex_replace(offer, std::regex("\\([^)]*\\)|choose|one of| or "), " , ");
+    std::set<std::string> offered;
+    const std::regex word("[A-Za-z_0-9]+");
+    for (std::sregex_iterator at(offer.begin(), offer.end(), word), end; at != end; ++at) {
+      offered.insert(at->str());
+    }
+    const std::vector<std::string> replies = completed("graybox " + line + "''");
+    EXPECT_EQ(std::set<std::string>(replies.begin(), replies.end()), offered) << refusal.err;
   }
 }
 

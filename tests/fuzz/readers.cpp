@@ -2,20 +2,28 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <vector>
 
 #include "diagnosis/hypotheses/place_file.hpp"
+#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/proposal/log_recordings.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
+#include "diagnosis/recording_files/time_stamp.hpp"
+#include "diagnosis/recording_files/title_words.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/simulation/excitation_plan.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
 #include "problems/formats/csv_file.hpp"
 #include "problems/formats/hdf5_file.hpp"
 #include "problems/formats/mat_file.hpp"
@@ -36,6 +44,21 @@ namespace graybox::fuzz {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t kLongestRemark = 20000;
+
+[[noreturn]] void fail(const char* problem, const std::string& message) {
+  std::fprintf(stderr, "%s: %s\n", problem, message.c_str());
+  std::abort();
+}
+
+// Lines of a text, as they come.
+std::vector<std::string> lines_of(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
 
 template <RecordingFile (*kRead)(const std::string&)>
 void read_recording(const fs::path& file) {
@@ -188,6 +211,53 @@ void read_grid(const fs::path& file) { (void)read_positions(file, 6); }
 void read_csv_columns(const fs::path& file) { (void)formats::read_csv_recording(file.string()); }
 void read_json_columns(const fs::path& file) { (void)formats::read_json_recording(file.string()); }
 
+// A stamp a line: each by itself, and all as a column.
+void read_stamps(const fs::path& file) {
+  constexpr double kDay = 86400.0, kLeapSecond = 1.0, kYears = 366.0 * 1e4;
+  StampColumn column;
+  for (const std::string& line : lines_of(file)) {
+    const std::optional<TimeStamp> stamp = parse_time_stamp(line);
+    if (stamp && !(stamp->seconds >= 0.0 && stamp->seconds < kDay + kLeapSecond)) {
+      fail("no second of a day", line);
+    }
+    double seconds = 0.0;
+    const bool is_taken = column.take(line, seconds);
+    if (is_taken && !stamp) fail("a column takes what is no stamp", line);
+    if (!(std::abs(seconds) <= kYears * kDay)) fail("no second of any year", line);
+  }
+  if (column.has_any()) (void)column.description();
+}
+
+// A unit a line, read alone and at the end of a title, and compared with the line before.
+void read_units(const fs::path& file) {
+  std::string before;
+  for (const std::string& line : lines_of(file)) {
+    const WrittenUnit unit = written_unit(line);
+    if (!(unit.factor > 0.0) || !std::isfinite(unit.factor)) fail("no factor of a unit", line);
+    if (!unit.unit.empty() && find_unit(unit.unit) == nullptr) fail("no unit that is known", line);
+    if (!is_same_unit(line, line)) fail("a unit that is not itself", line);
+    if (is_same_unit(line, before) != is_same_unit(before, line)) fail("one way alone", line);
+    (void)unit_as_written(line);
+    (void)unit_of_words(joined_words(words_of(line)));
+    (void)read_column_words(line, before);
+    before = line;
+  }
+}
+
+// As `graybox model` reads a log: stamps, times in two columns, clocks that begin anew.
+void read_log(const fs::path& file) {
+  std::vector<std::string> remarks;
+  for (const LogRecording& log : read_logs({file}, {}, &remarks)) {
+    if (log.samples() < 1 || log.label().empty()) fail("a log without samples", log.label());
+    for (const LogColumn& column : log.columns) {
+      if (column.values.size() != log.samples()) fail("columns of two lengths", column.name);
+    }
+  }
+  for (const std::string& remark : remarks) {
+    if (remark.empty() || remark.size() > kLongestRemark) fail("remark", remark);
+  }
+}
+
 constexpr std::array kReaders{
     Reader{"set_npy", "input.npy", &read_npy_set},
     Reader{"set_csv", "input.csv", &read_set<&read_csv>},
@@ -202,6 +272,10 @@ constexpr std::array kReaders{
     Reader{"recording_hdf5", "input.h5", &read_hdf5_columns},
     Reader{"recording_mat", "input.mat", &read_mat_columns},
     Reader{"recording_json", "input.json", &read_json_columns},
+    Reader{"log_csv", "input.csv", &read_log},
+    Reader{"log_jsonl", "input.jsonl", &read_log},
+    Reader{"time_stamp", "input.txt", &read_stamps},
+    Reader{"written_unit", "input.txt", &read_units},
     Reader{"campaign", "input.yaml", &read_campaign_file},
     Reader{"robot_model", "input.yaml", &read_robot},
     Reader{"robot_urdf", "input.urdf", &read_urdf},
@@ -219,11 +293,6 @@ constexpr std::array kReaders{
 
 // A line that a person reads.
 constexpr std::size_t kLongestMessage = 5000;
-
-[[noreturn]] void fail(const char* problem, const std::string& message) {
-  std::fprintf(stderr, "%s: %s\n", problem, message.c_str());
-  std::abort();
-}
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -176,7 +177,14 @@ TEST(FactorSet, Hdf5KeepsFactorsAndTheOthersMatrices) {
     EXPECT_EQ(read.candidates().values, named.candidates().values);
     EXPECT_EQ(read.content_hash(), set.content_hash());
     EXPECT_FALSE(read.has_matrices());
-    expect_refused([&] { return read_hdf5_slice(path, 0, 2); }, "slices");
+    const InformationSlice slice = read_hdf5_slice(path, 1, 3);
+    EXPECT_EQ(slice.first, 6U);
+    EXPECT_EQ(slice.total, 20U);
+    EXPECT_EQ(slice.problem_hash, set.content_hash());
+    std::vector<std::size_t> expected(7);
+    std::iota(expected.begin(), expected.end(), std::size_t{6});
+    EXPECT_EQ(numbers_of(slice.set), numbers_of(set.subset(expected)));
+    expect_refused([&] { return read_hdf5_slice(path, 0, 21); }, "can't be shared");
     for (const char* other : {"set.npy", "set.csv", "set.mat"}) {
       write_information_set(folder.file(other), read);
       const InformationSet matrices = read_information_set(folder.file(other));

@@ -24,6 +24,72 @@ class InFolder(unittest.TestCase):
         return self.path(name)
 
 
+class Factors(InFolder):
+    """Factors F of H = F'F: the same designs as of the matrices, which are not made."""
+
+    def setUp(self):
+        super().setUp()
+        self.F = np.random.default_rng(7).normal(size=(400, 2, 5))
+        self.H = np.einsum("qri,qrj->qij", self.F, self.F)
+
+    def test_solve_and_certify_are_those_of_the_matrices(self):
+        for F in (self.F, self.F[:, 0], self.F[:, ::-1], self.F.astype(np.float32)):
+            rows = F if F.ndim == 3 else F[:, None]
+            H = np.einsum("qri,qrj->qij", rows.astype(float), rows.astype(float))
+            information = graybox.InformationSet(F, factors=True)
+            self.assertEqual(information.factors.shape, rows.shape)
+            design, other = graybox.solve(information, gap=1e-12), graybox.solve(H, gap=1e-12)
+            self.assertLess(abs(design.log_det - other.log_det), 1e-9)
+            self.assertLess(abs(design.weights - other.weights).max(), 1e-6)
+            self.assertLess(abs(design.log_det - np.linalg.slogdet(
+                np.einsum("q,qij->ij", design.weights, H))[1]), 1e-9)
+            proof = graybox.certify(F, design, gap=1e-9, factors=True)
+            self.assertTrue(proof.proves(1e-9))
+            self.assertLess(abs(proof.gap - graybox.certify(H, design, gap=1e-9).gap), 1e-12)
+            self.assertTrue(design.certify(gap=1e-9).proves(1e-9))
+            self.assertFalse(information.has_matrices)
+        self.assertTrue(graybox.solve(self.F, factors=True).solved)
+
+    def test_memory_is_used_where_it_is(self):
+        information = graybox.InformationSet(self.F, factors=True)
+        self.assertTrue(np.shares_memory(information.factors, self.F))
+        self.assertFalse(information.factors.flags.writeable)
+        self.assertFalse(np.shares_memory(
+            graybox.InformationSet(self.F[::2], factors=True).factors, self.F))
+        self.assertIsNone(graybox.InformationSet(self.H).factors)
+
+    def test_what_needs_matrices_makes_them(self):
+        information = graybox.InformationSet(self.F, factors=True)
+        self.assertEqual(graybox.exact(information, 8, gap=1e-3).log_det,
+                         graybox.exact(information.packed, 8, gap=1e-3).log_det)
+        self.assertTrue(information.has_matrices)
+        np.testing.assert_allclose(information.packed, packed(self.H), rtol=1e-14, atol=1e-14)
+        self.assertAlmostEqual(graybox.solve(self.F, "A", factors=True).certificate.criterion_value,
+                               graybox.solve(self.H, "A").certificate.criterion_value, 4)
+        counts = np.zeros(400)
+        counts[:8] = 1
+        self.assertAlmostEqual(graybox.certify_exact(self.F, counts, factors=True).log_det,
+                               np.linalg.slogdet(self.H[:8].sum(axis=0))[1], 9)
+
+    def test_files(self):
+        information = graybox.InformationSet(self.F, factors=True)
+        information.save(self.path("set.h5"))
+        read = graybox.InformationSet(self.path("set.h5"))
+        np.testing.assert_array_equal(read.factors, self.F)
+        self.assertEqual(read.content_hash, information.content_hash)
+        file = self.saved(self.F)
+        said = command("solve", file, "--factors", "--gap", "1e-6")
+        self.assertEqual(graybox.solve(file, factors=True).log_det, said["log_det"])
+
+    def test_what_is_no_factor_is_refused(self):
+        for wrong in (np.zeros((3, 0)), np.zeros(3), np.zeros((1, 2, 2, 2)), self.F.astype(int),
+                      np.full((4, 2), np.nan)):
+            with self.assertRaises(graybox.InputError):
+                graybox.solve(wrong, factors=True)
+        with self.assertRaisesRegex(graybox.InputError, "holds matrices"):
+            graybox.solve(graybox.InformationSet(self.H), factors=True)
+
+
 class Solve(InFolder):
     def test_cubic_has_the_known_optimum(self):
         # Four points of equal weight: the ends and the roots of the derivative of Legendre's P_3.

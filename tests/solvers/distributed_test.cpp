@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "problems/base/error.hpp"
@@ -52,6 +53,27 @@ InformationSet needle_set(std::size_t d, std::size_t count) {
   return InformationSet(d, std::move(information));
 }
 
+// Vectors or thicker factors; the same problem as packed matrices.
+InformationSet factor_set(std::size_t d, std::size_t count, std::size_t rank, std::uint64_t seed) {
+  Random random(seed);
+  AlignedArray factors(count * rank * d);
+  for (double& x : factors.span()) x = random.normal();
+  return InformationSet::of_factors(d, rank, std::move(factors));
+}
+
+// f(t) = (1, t, ..., t^(d-1)) on a grid that holds the optimum for d = 4: t = -1, -1/sqrt 5 ...
+// with weights 1/4 (Fedorov 1972). The monomials of degree 15 need other coordinates.
+InformationSet monomials(std::size_t d, std::size_t count) {
+  AlignedArray factors(count * d);
+  for (std::size_t i = 0; i < count; ++i) {
+    double t = -1.0 + 2.0 * static_cast<double>(i) / static_cast<double>(count - 1);
+    if (i == 7 || i + 8 == count) t = std::copysign(1.0 / std::sqrt(5.0), t);
+    double power = 1.0;
+    for (std::size_t j = 0; j < d; ++j, power *= t) factors[i * d + j] = power;
+  }
+  return InformationSet::of_factors(d, 1, std::move(factors));
+}
+
 // Of the set's slices, one for each process.
 DistributedDesign solve_slices(const InformationSet& whole) {
   int rank = 0, processes = 1;
@@ -63,7 +85,13 @@ DistributedDesign solve_slices(const InformationSet& whole) {
                          static_cast<std::size_t>(processes);
   std::vector<std::size_t> mine(to - from);
   std::iota(mine.begin(), mine.end(), from);
-  return solve_distributed(MPI_COMM_WORLD, whole.subset(mine), from, {.duality_gap = kGap});
+  const InformationSet slice = whole.subset(mine);
+  DistributedDesign design = solve_distributed(MPI_COMM_WORLD, slice, from, {.duality_gap = kGap});
+  if (slice.has_factors() && slice.has_matrices()) {
+    std::printf("matrices were made of all factors\n");
+    design.status = SolveStatus::kNumericalFailure;
+  }
+  return design;
 }
 
 bool agrees(const InformationSet& whole, const char* what) {
@@ -83,6 +111,19 @@ bool agrees(const InformationSet& whole, const char* what) {
     std::printf("%s: status %d, gap %.3e, log det %.12g against %.12g\n", what,
                 static_cast<int>(answer.status), proof.duality_gap, proof.log_det, local.log_det);
   }
+  return good;
+}
+
+// Closed form: four points, a quarter of the weight each.
+bool finds_the_four_points() {
+  const InformationSet set = monomials(4, 2001);
+  const DistributedDesign answer = solve_slices(set);
+  bool good = answer.status == SolveStatus::kSolved && answer.support.size() == 4;
+  for (const auto& [index, weight] : answer.support) {
+    const double t = std::abs(set.factor(index)[1]);
+    good &= std::abs(weight - 0.25) < 1e-9 && (t == 1.0 || t == 1.0 / std::sqrt(5.0));
+  }
+  if (!good) std::printf("not the four points, but %zu\n", answer.support.size());
   return good;
 }
 
@@ -130,6 +171,10 @@ int main(int argc, char** argv) {
   good &= agrees(wishart_set(8, 3000, 1, 2), "rank one");
   good &= agrees(wishart_set(1, 7, 1, 3), "one parameter");
   good &= agrees(needle_set(4, 20000), "a needle");
+  good &= agrees(factor_set(8, 3000, 1, 5), "vectors");
+  good &= agrees(factor_set(5, 4000, 3, 6), "factors of rank three");
+  good &= agrees(monomials(16, 4000), "monomials, which are whitened");
+  good &= finds_the_four_points();
   good &= claims_only_what_is_so();
   MPI_Finalize();
   return good ? 0 : 1;

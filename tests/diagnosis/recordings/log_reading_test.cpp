@@ -1,5 +1,6 @@
 // Logs as they come: steps that mend and derive channels, JSON records and gzip, and channels of
 // one motion that are late, reversed or scaled.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -491,6 +492,27 @@ TEST_F(LogReading, SecondsAndNanosecondsAreOneTime) {
   EXPECT_EQ(read("t.sec,t.nanosec,q\n0,0,1\n0.5,1,2\n").columns.size(), 3U);
   EXPECT_EQ(read("a.sec,b.nanosec,q\n0,0,1\n1,1,2\n").columns.size(), 3U);
   EXPECT_EQ(read("t.sec,t.nanosec,t\n0,0,1\n1,1,2\n").columns.size(), 3U);
+}
+
+// Thousands of them, half without a rest: the search took minutes of a file of 75 kB.
+TEST_F(LogReading, ThousandsOfTimesInTwoColumnsAreJoinedInOneLook) {
+  constexpr std::size_t kTimes = 1500;
+  std::string head, row;
+  for (std::size_t k = 0; k < kTimes; ++k) {
+    head += fmt::format("a{}.sec,", k);
+    row += "1,";
+  }
+  for (std::size_t k = 0; k < kTimes; ++k) {
+    head += fmt::format("b{0}.nanosec,b{0}.sec,", k);
+    row += "500000000,2,";
+  }
+  testing::write_text(folder_.file("r.csv"), head + "q\n" + row + "3\n" + row + "3\n");
+  const RecordingFile file = read_recording_file(folder_.file("r.csv"));
+  EXPECT_EQ(file.columns.size(), 2 * kTimes + 1);
+  EXPECT_EQ(file.at("a7.sec").values(0), 1.0);
+  EXPECT_EQ(file.at("b7").values(0), 2.5);
+  EXPECT_EQ(file.at("b7").origin, "'b7.sec' and 'b7.nanosec'");
+  EXPECT_EQ(file.columns.back().name, "q");
 }
 
 // ---- pairs of one motion ------------------------------------------------------------------------

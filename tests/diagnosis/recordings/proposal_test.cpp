@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
@@ -291,6 +292,18 @@ TEST(LogTimes, AClockThatBeginsAnewMakesTwoRecordings) {
   EXPECT_EQ(read({300, 40, 200}, remarks).size(), 2U);
   EXPECT_EQ(read({300, 40, 200}, remarks)[1].first_row, 340);
   EXPECT_EQ(read({300}, remarks).size(), 1U);
+  // Of thousands the longest hundred stay, in their order: the work would grow with the square.
+  std::vector<int> many(2000, 60);
+  for (std::size_t k = 0; k < 99; ++k) many[20 * k + 5] = 61;
+  remarks.clear();
+  const std::vector<LogRecording> longest = read(many, remarks);
+  ASSERT_EQ(longest.size(), 100U);
+  EXPECT_EQ(longest[0].first_row, 0);
+  EXPECT_EQ(longest[1].first_row, 300);
+  EXPECT_EQ(longest[1].samples(), 61);
+  EXPECT_TRUE(std::ranges::is_sorted(longest, {}, &LogRecording::first_row));
+  ASSERT_EQ(remarks.size(), 1U);
+  EXPECT_NE(remarks[0].find("100 recordings, the longest of 2000"), std::string::npos);
   const std::vector<LogRecording> falls = read({300, 40}, remarks);
   ASSERT_EQ(falls.size(), 1U);
   testing::expect_refused([&] { return find_time(falls[0], {}); }, "times must rise");
