@@ -32,8 +32,8 @@ bool later(const TreeNode& a, const TreeNode& b) {
   return a.bound < b.bound || (a.bound == b.bound && a.number > b.number);
 }
 
-// The checker's figures of a design, in the coordinates of the set: double precision may be wrong by
-// more than the gap.
+// The checker's figures of a design, in the coordinates of the set: double precision may be wrong
+// by more than the gap.
 struct CheckedLogDet {
   double log_det = -kInfinity;
   double at_most = -kInfinity;
