@@ -132,12 +132,12 @@ void require_constrained(const SolveArguments& arguments) {
   }
 }
 
-// Under floors of other criteria: by column generation on compound criteria.
 // A page draws sensitivities against the bound of one criterion; floors have another.
 void require_no_page(const DesignOutput& shown) {
   if (shown.has_page()) throw InputError("--report draws no design with --floor; leave one out");
 }
 
+// Under floors of other criteria: by column generation on compound criteria.
 int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
                  const SolveOptions& options, std::vector<EfficiencyFloor> floors,
                  const DesignOutput& shown) {
