@@ -447,6 +447,14 @@ std::vector<HiddenLaw> hidden_springs() {
          const double clearance = between(0.5, 1.2, shape[0]) * reach(scale);
          return std::vector{clearance, size * scale.stiffness, 0.05 * clearance};
        }},
+  };
+}
+
+// Other forces of the position.
+std::vector<HiddenLaw> hidden_position_forces() {
+  constexpr auto kForce = LawUse::kForce;
+  constexpr unsigned kAxis = kAxisPlace, kCoupling = kCouplingPlace;
+  return {
       {"ripple",
        kForce,
        true,
@@ -494,7 +502,8 @@ std::vector<HiddenLaw> hidden_springs() {
   };
 }
 
-std::vector<HiddenLaw> hidden_frictions() {
+// Forces of a velocity that grow smoothly from rest.
+std::vector<HiddenLaw> hidden_dampers() {
   constexpr auto kForce = LawUse::kForce;
   constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace, kCoupling = kCouplingPlace;
   return {
@@ -549,6 +558,14 @@ std::vector<HiddenLaw> hidden_frictions() {
          const double z = reach(scale);
          return std::vector{size * scale.force / (scale.rate * z * z), 3.0 * z, 0.02};
        }},
+  };
+}
+
+// Dry friction, and drag.
+std::vector<HiddenLaw> hidden_frictions() {
+  constexpr auto kForce = LawUse::kForce;
+  constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace;
+  return {
       {"coulomb",
        kForce,
        true,
@@ -603,7 +620,8 @@ std::vector<HiddenLaw> hidden_frictions() {
   };
 }
 
-std::vector<HiddenLaw> hidden_memories() {
+// Friction by bristles.
+std::vector<HiddenLaw> hidden_bristles() {
   constexpr auto kForce = LawUse::kForce;
   constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace;
   return {
@@ -641,6 +659,14 @@ std::vector<HiddenLaw> hidden_memories() {
                             between(1.3, 2.0, shape[2]) * level,
                             between(0.2, 0.6, shape[3]) * scale.rate};
        }},
+  };
+}
+
+// Springs that yield or slip.
+std::vector<HiddenLaw> hidden_yielding_springs() {
+  constexpr auto kForce = LawUse::kForce;
+  constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace;
+  return {
       {"bouc_wen",
        kForce,
        true,
@@ -677,6 +703,14 @@ std::vector<HiddenLaw> hidden_memories() {
                             between(2.0, 6.0, shape[3]),
                             0.05 * gap};
        }},
+  };
+}
+
+// Masses beside those of the model, loose or fixed.
+std::vector<HiddenLaw> hidden_masses() {
+  constexpr auto kForce = LawUse::kForce;
+  constexpr unsigned kAxis = kAxisPlace;
+  return {
       {"mode",
        kForce,
        true,
@@ -765,6 +799,14 @@ std::vector<HiddenLaw> hidden_signals() {
          const double width = size * scale.force;
          return std::vector{width, 0.05 * width};
        }},
+  };
+}
+
+// Signals that come late.
+std::vector<HiddenLaw> hidden_delays() {
+  constexpr auto kSignal = LawUse::kSignal;
+  constexpr unsigned kBoth = unsigned{kActuatorPlace} | unsigned{kSensorPlace};
+  return {
       {"lag",
        kSignal,
        true,
@@ -786,9 +828,9 @@ std::vector<HiddenLaw> hidden_signals() {
   };
 }
 
-std::vector<HiddenLaw> laws_outside_the_catalogue() {
+std::vector<HiddenLaw> springs_outside_the_catalogue() {
   constexpr auto kForce = LawUse::kForce;
-  constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace;
+  constexpr unsigned kSpring = kSpringPlace;
   return {
       {"impact_stop",
        kForce,
@@ -813,6 +855,14 @@ std::vector<HiddenLaw> laws_outside_the_catalogue() {
        [](double size, const PlaceScale& scale, Shape) {
          return std::vector{size * scale.stiffness / std::pow(reach(scale), 4)};
        }},
+  };
+}
+
+// Friction that varies with position or load, and a spring that drifts.
+std::vector<HiddenLaw> varying_laws_outside_the_catalogue() {
+  constexpr auto kForce = LawUse::kForce;
+  constexpr unsigned kSpring = kSpringPlace, kAxis = kAxisPlace;
+  return {
       {"position_friction",
        kForce,
        false,
@@ -862,8 +912,10 @@ std::vector<HiddenLaw> laws_outside_the_catalogue() {
 const std::vector<HiddenLaw>& hidden_laws() {
   static const std::vector<HiddenLaw> laws = [] {
     std::vector<HiddenLaw> all;
-    for (auto part : {hidden_springs(), hidden_frictions(), hidden_memories(), hidden_signals(),
-                      laws_outside_the_catalogue()}) {
+    for (auto part :
+         {hidden_springs(), hidden_position_forces(), hidden_dampers(), hidden_frictions(),
+          hidden_bristles(), hidden_yielding_springs(), hidden_masses(), hidden_signals(),
+          hidden_delays(), springs_outside_the_catalogue(), varying_laws_outside_the_catalogue()}) {
       std::ranges::move(part, std::back_inserter(all));
     }
     return all;

@@ -21,6 +21,7 @@
 #include "cli/output/design_output.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/floor_text.hpp"
+#include "cli/output/set_answer.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
@@ -87,11 +88,9 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
   } else if (arguments.json) {
     nlohmann::ordered_json line = to_json(report);
     line["stated_efficiency"] = stated;
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, std::move(line));
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_exact(report));
+    fmt::print("{}{}", set_headline(read), describe_exact(report));
     fmt::print("  by {:<10} at least {:.8f}, as the file states; proven here by the relaxation\n",
                claim.method, stated);
     fmt::print("{}", describe_counts(set, claim.design));
@@ -136,18 +135,16 @@ void print_request_check(const CheckArguments& arguments, const ProjectedSet& re
       line["efficiency"] = line["proven_efficiency"] = proof.efficiency;
       line["duality_gap"] = 1.0 / proof.efficiency - 1.0;
     }
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, std::move(line));
   } else if (proof.is_exact) {
     fmt::print(
-        "{}: {}\n{}design: {}\n  request       {}\n  {}-efficiency  at least {:.8f} of the "
+        "{}design: {}\n  request       {}\n  {}-efficiency  at least {:.8f} of the "
         "best exact design, by the relaxed problem\n{}",
-        set.name(), describe(set), change_note(read.changed),
-        to_string(report.report.certificate.status), describe(report.request), to_string(criterion),
-        proof.efficiency, describe_efforts(set, report));
+        set_headline(read), to_string(report.report.certificate.status), describe(report.request),
+        to_string(criterion), proof.efficiency, describe_efforts(set, report));
   } else {
-    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_constrained(report), describe_efforts(set, report));
+    fmt::print("{}{}{}", set_headline(read), describe_constrained(report),
+               describe_efforts(set, report));
   }
 }
 
@@ -264,12 +261,10 @@ void print_check(const ProjectedSet& read, const DesignFile& file, const JudgedD
     for (std::size_t k = 0; k < judged.efficiencies.size(); ++k) {
       line["floors"][k]["efficiency"] = judged.efficiencies[k];
     }
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, std::move(line));
     return;
   }
-  fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-             describe(judged.report));
+  fmt::print("{}{}", set_headline(read), describe(judged.report));
   if (judged.limited) {
     fmt::print("  limits        {}; the gap is under them\n", describe(file.limits));
   }

@@ -22,6 +22,7 @@
 #include "cli/output/design_output.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/exact_table.hpp"
+#include "cli/output/set_answer.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
@@ -151,23 +152,6 @@ DesignRequest request_of(const ExactArguments& arguments) {
   return request;
 }
 
-void print_request(const ExactArguments& arguments, const ProjectedSet& read,
-                   const ConstrainedExactReport& report, bool found, const DesignOutput& shown) {
-  const InformationSet& set = read.set;
-  if (shown.has_table() && found) {
-    shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
-  } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_constrained_exact(set, report));
-    if (!arguments.output.empty() && found) fmt::print("wrote {}\n", arguments.output);
-    if (found) shown.say_page();
-  }
-}
-
 int exact_request(const ExactArguments& arguments, Invocation& invocation) {
   DesignOutput shown(arguments.shown, invocation.arguments);
   arguments.criterion.require_consistent();
@@ -213,7 +197,12 @@ int exact_request(const ExactArguments& arguments, Invocation& invocation) {
                      {{arguments.set.path, "information set"}});
   }
   files.commit();
-  print_request(arguments, read, report, found, shown);
+  if (shown.has_table() && found) {
+    shown.print_table(set, design_schedule(set, report.solution.designs.front().counts));
+  } else {
+    print_answer(read, arguments.json, to_json(report), describe_constrained_exact(set, report));
+    if (found && !arguments.json) shown.say_written(arguments.output);
+  }
   return report.solution.status == ExactStatus::kOptimal ? kDone : kShort;
 }
 
@@ -248,15 +237,10 @@ int exact(ExactArguments& arguments, Invocation& invocation) {
   files.commit();
   if (shown.has_table() && regular) {
     shown.print_table(set, design_schedule(set, report.solution.design.counts));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_exact(report), describe_counts(set, report.solution.design));
-    if (!arguments.output.empty() && regular) fmt::print("wrote {}\n", arguments.output);
-    if (regular) shown.say_page();
+    print_answer(read, arguments.json, to_json(report),
+                 describe_exact(report) + describe_counts(set, report.solution.design));
+    if (regular && !arguments.json) shown.say_written(arguments.output);
   }
   return exit_code(report.solution.status);
 }

@@ -21,6 +21,7 @@
 #include "cli/output/constrained_report_text.hpp"
 #include "cli/output/design_output.hpp"
 #include "cli/output/floor_text.hpp"
+#include "cli/output/set_answer.hpp"
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
@@ -74,12 +75,10 @@ void print(const SolveArguments& arguments, const ProjectedSet& read, const Solu
            const SolveReport& report) {
   const InformationSet& set = read.set;
   if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, to_json(report));
     return;
   }
-  fmt::print("{}: {}\n{}", set.name(), describe(set), change_note(read.changed));
+  fmt::print("{}", set_headline(read));
   if (!has_answer(solution)) {
     fmt::print("{}: {} ({}); there is no design{}\n", report.solver, to_string(report.status),
                report.message.empty() ? "no reason given" : report.message,
@@ -116,16 +115,10 @@ int solve_request(const SolveArguments& arguments, const ProjectedSet& read,
   files.commit();
   if (shown.has_table() && answer) {
     shown.print_table(set, design_schedule(set, report.weights().weights));
-  } else if (arguments.json) {
-    nlohmann::ordered_json line = to_json(report);
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), describe(set), change_note(read.changed),
-               describe_constrained(report));
-    if (answer) fmt::print("{}", describe_efforts(set, report));
-    if (!arguments.output.empty() && answer) fmt::print("wrote {}\n", arguments.output);
-    if (answer) shown.say_page();
+    print_answer(read, arguments.json, to_json(report),
+                 describe_constrained(report) + (answer ? describe_efforts(set, report) : ""));
+    if (answer && !arguments.json) shown.say_written(arguments.output);
   }
   return report.report.status == ReportStatus::kSolved ? kDone : kShort;
 }
@@ -139,12 +132,12 @@ void require_constrained(const SolveArguments& arguments) {
   }
 }
 
-// Under floors of other criteria: by column generation on compound criteria.
 // A page draws sensitivities against the bound of one criterion; floors have another.
 void require_no_page(const DesignOutput& shown) {
   if (shown.has_page()) throw InputError("--report draws no design with --floor; leave one out");
 }
 
+// Under floors of other criteria: by column generation on compound criteria.
 int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
                  const SolveOptions& options, std::vector<EfficiencyFloor> floors,
                  const DesignOutput& shown) {
@@ -174,8 +167,7 @@ int solve_floors(const SolveArguments& arguments, const ProjectedSet& read,
     for (std::size_t k = 0; k < proof.efficiencies.size(); ++k) {
       line["floors"][k]["efficiency"] = proof.efficiencies[k];
     }
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, std::move(line));
   } else {
     print(arguments, read, solution, report);
     fmt::print("{}", describe_floors(floors, proof.efficiencies));

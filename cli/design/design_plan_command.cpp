@@ -19,6 +19,7 @@
 #include "cli/output/console.hpp"
 #include "cli/output/exact_report_text.hpp"
 #include "cli/output/exact_table.hpp"
+#include "cli/output/set_answer.hpp"
 #include "cli/process/interrupt.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
@@ -232,8 +233,7 @@ int design_plan(const PlanArguments& arguments, Invocation& invocation) {
   if (arguments.json) {
     fmt::print("{}\n", result.dump());
   } else {
-    fmt::print("{}: {}\n{}{}", set.name(), cli::describe(set), change_note(read.changed),
-               describe(arguments, targets, plan));
+    fmt::print("{}{}", set_headline(read), describe(arguments, targets, plan));
     if (!plan.counts.empty()) fmt::print("{}", describe_counts(set, {.counts = plan.counts}));
     if (is_written) fmt::print("wrote {}\n", arguments.output);
   }

@@ -17,6 +17,7 @@
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/design_output.hpp"
+#include "cli/output/set_answer.hpp"
 #include "cli/process/interrupt.hpp"
 #include "diagnosis/design_page/design_stories.hpp"
 #include "problems/base/error.hpp"
@@ -291,8 +292,7 @@ ProjectedSet single_set(const RobustArguments& arguments) {
 
 void print_concentrated(const ProjectedSet& read, const SolveReport& report,
                         const ConcentrationLimit& limit, const ConcentrationCertificate& proof) {
-  fmt::print("{}: {}\n{}{}", read.set.name(), describe(read.set), change_note(read.changed),
-             describe_status(report));
+  fmt::print("{}{}", set_headline(read), describe_status(report));
   if (proof.certificate.status == CertificateStatus::kCertified) {
     fmt::print(
         "  limit         at most {:g} of the weight on any {} positions; the heaviest hold "
@@ -349,8 +349,7 @@ int design_under_limit(const RobustArguments& arguments, DesignOutput& shown) {
   if (arguments.json) {
     Json line = to_json(report);
     line["objective"] = objective;
-    add_change(read.changed, line);
-    fmt::print("{}\n", line.dump());
+    print_line(read, std::move(line));
   } else {
     print_concentrated(read, report, limit, proof);
     if (has_design) fmt::print("{}", describe_support(set, solution.design));

@@ -40,4 +40,9 @@ void DesignOutput::say_page() const {
   if (has_page()) fmt::print("wrote {}\n", arguments_.page);
 }
 
+void DesignOutput::say_written(const std::string& design) const {
+  if (!design.empty()) fmt::print("wrote {}\n", design);
+  say_page();
+}
+
 }  // namespace graybox::cli

@@ -29,6 +29,8 @@ class DesignOutput {
   void print_table(const InformationSet& set, const DesignSchedule& schedule) const;
   // "wrote page.html", where there is a page.
   void say_page() const;
+  // "wrote design.json", where it was asked for, and the page.
+  void say_written(const std::string& design) const;
 
  private:
   const DesignOutputArguments& arguments_;

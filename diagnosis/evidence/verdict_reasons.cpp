@@ -68,6 +68,19 @@ VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& op
                  "is largest: something acts there that the fit's recordings hardly show");
 }
 
+// Where nothing was kept out, the fit's own errors must pass at least.
+std::vector<VerdictReason> fitted_channel_reasons(const Diagnosis& diagnosis,
+                                                  const SearchOptions& options) {
+  const auto worst = std::ranges::max_element(diagnosis.channels_after, {}, &ChannelRest::nrmse);
+  if (worst == diagnosis.channels_after.end()) return {};
+  return {at_most(
+      fmt::format("error of the channel fitted worst ({}), % of its signal", worst->channel),
+      worst->nrmse, options.channel_tolerance,
+      fmt::format("look at {}: something acts there that no law found describes, or it "
+                  "is mostly noise",
+                  worst->channel))};
+}
+
 // The channel that is predicted worst: a good figure for all channels together may hide it.
 std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
                                            const SearchOptions& options) {
@@ -86,7 +99,7 @@ std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
       ratio = rest.growth();
     }
   }
-  if (worst.empty()) return {};
+  if (worst.empty()) return fitted_channel_reasons(diagnosis, options);
   return {at_most(fmt::format("{} ({}), % of its signal", error, worst), largest,
                   options.channel_tolerance,
                   fmt::format("look at {}: something acts there that no law found describes, or it "
@@ -307,6 +320,14 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
   if (!diagnosis.detection.detected && diagnosis.interrupted) {
     reasons.push_back(not_asked("something is missing", 0.0, kNoTime));
     return reasons;
+  }
+  if (!diagnosis.detection.detected && !diagnosis.noise_is_known && diagnosis.validation_after &&
+      diagnosis.validation_after->nrmse > options.channel_tolerance) {
+    VerdictReason kept_out = generalisation(diagnosis, options);
+    if (has_failed(kept_out)) {
+      reasons.push_back(std::move(kept_out));
+      return reasons;
+    }
   }
   if (!diagnosis.detection.detected) {
     reasons.push_back(failed("something is missing",

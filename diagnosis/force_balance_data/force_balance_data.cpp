@@ -70,9 +70,9 @@ void thin(std::vector<Motion>& pieces) {
   for (Motion& piece : pieces) piece = thinned(piece, stride);
 }
 
-// Rows of all pieces, in order.
-ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> names,
-                         const RigidRobotModel& robot, TorqueColumns& columns) {
+// Room for the rows of these pieces, with `size` columns of the model.
+ForceBalanceRows empty_rows(std::vector<Motion> pieces, std::vector<std::string> names,
+                            const RigidRobotModel& robot, Eigen::Index size) {
   ForceBalanceRows rows;
   rows.pieces = std::move(pieces);
   rows.names = std::move(names);
@@ -82,8 +82,8 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   rows.measured.resize(samples, joints);
   rows.force.resize(samples, joints);
   rows.model = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
-                                             Eigen::MatrixXd(samples, columns.size())),
-                columns.size()};
+                                             Eigen::MatrixXd(samples, size)),
+                size};
   rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                    Eigen::MatrixXd(samples, kStandardParameters)),
                       kStandardParameters};
@@ -98,10 +98,18 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
   const bool is_any_standing =
       std::ranges::any_of(rows.pieces, [](const Motion& piece) { return piece.stands.any(); });
   if (is_any_standing) rows.counts = Eigen::MatrixXd::Ones(samples, joints);
+  return rows;
+}
+
+// Rows of all pieces, in order.
+ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> names,
+                         const RigidRobotModel& robot, TorqueColumns& columns) {
+  ForceBalanceRows rows = empty_rows(std::move(pieces), std::move(names), robot, columns.size());
+  const Eigen::Index joints = robot.size();
   RigidBodyRegressor bodies(robot);
   Eigen::Index row = 0;
   for (const Motion& piece : rows.pieces) {
-    if (is_any_standing && piece.stands.size() > 0) {
+    if (rows.counts.size() > 0 && piece.stands.size() > 0) {
       rows.counts.middleRows(row, piece.samples()) = (!piece.stands).cast<double>();
     }
     rows.filtered.emplace_back(piece);
@@ -119,7 +127,7 @@ ForceBalanceRows rows_of(std::vector<Motion> pieces, std::vector<std::string> na
         const auto at = static_cast<std::size_t>(j);
         rows.model.in[at].row(row) = columns.matrix().row(j);
         rows.flange_body.in[at].row(row) = links.row(j).tail<kStandardParameters>();
-        if (wants_bodies) rows.bodies.in[at].row(row) = links.row(j);
+        if (!rows.bodies.in.empty()) rows.bodies.in[at].row(row) = links.row(j);
       }
     }
     for (const TorqueColumns::FilteredColumn& law : columns.filtered_columns(piece)) {
@@ -533,6 +541,33 @@ Eigen::VectorXd ForceBalanceRows::root_mean_squares(const Eigen::MatrixXd& value
   return result;
 }
 
+namespace {
+
+// Places of laws: at joints, between neighbours, at the flange, and those of the files.
+void add_all_places(const RigidRobotModel& robot, std::span<const std::filesystem::path> files,
+                    ForceBalanceData& data) {
+  add_joint_places(robot, data.places);
+  if (robot.channels.unknown_drive_gains) {
+    data.gain_parameters = gain_parameters(data);
+  } else {  // else a force on two joints is two parameters
+    add_neighbours(robot, data.places);
+  }
+  if (robot.size() > 1) {
+    add_flanges(data);
+  } else {
+    add_loads_of_joint(data);
+  }
+  remark_unseen_loads(data);
+  remark_what_is_kept(data);
+  for (const std::filesystem::path& file : files) {
+    add_places(file, *rigid_robot_places(robot), data.places);
+    if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
+  }
+  leave_out_idle_places(data);
+}
+
+}  // namespace
+
 ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Campaign& campaign,
                                          std::span<const std::filesystem::path> place_files,
                                          const Eigen::VectorXd& advance) {
@@ -576,24 +611,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   if (robot.size() == 1) data.known_inertia = known_inertia(columns);
   keep_base_parameters(columns, data);
   leave_out_constant_forces(data);
-  add_joint_places(robot, data.places);
-  if (robot.channels.unknown_drive_gains) {
-    data.gain_parameters = gain_parameters(data);
-  } else {  // else a force on two joints is two parameters
-    add_neighbours(robot, data.places);
-  }
-  if (robot.size() > 1) {
-    add_flanges(data);
-  } else {
-    add_loads_of_joint(data);
-  }
-  remark_unseen_loads(data);
-  remark_what_is_kept(data);
-  for (const std::filesystem::path& file : place_files) {
-    add_places(file, *rigid_robot_places(robot), data.places);
-    if (robot.channels.unknown_drive_gains) refuse_shared_places(file, data.places);
-  }
-  leave_out_idle_places(data);
+  add_all_places(robot, place_files, data);
   prepare_places(data.places, data.estimation);
   prepare_places(data.places, data.validation);
   return data;

@@ -7,7 +7,8 @@
 #include <complex>
 #include <numbers>
 
-#include "diagnosis/free_motion/transients.hpp"
+#include "diagnosis/free_motion/bins_between_lines.hpp"
+#include "diagnosis/free_motion/sampled_plant.hpp"
 #include "problems/base/array_index.hpp"
 #include "problems/base/stop.hpp"
 

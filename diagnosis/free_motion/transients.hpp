@@ -43,41 +43,11 @@
 // most records.
 #pragma once
 
-#include <Eigen/Core>
-#include <complex>
-
+#include "diagnosis/harmonic_balance/model_state.hpp"
 #include "diagnosis/harmonic_balance/periodic_data.hpp"
 #include "diagnosis/harmonic_balance/plant_family.hpp"
-#include "diagnosis/harmonic_balance/sampled_response.hpp"
-#include "diagnosis/harmonic_balance/steady_state.hpp"
 
 namespace graybox {
-
-// x = (q, q') of a plant, its input held between samples.
-struct SampledPlant {
-  Eigen::MatrixXcd vectors, triangle;  // A = V T V^H, Schur's form
-  Eigen::MatrixXcd input;              // V^H B, 2n x n_u
-  Eigen::MatrixXcd output;             // C V, n_y x 2n
-
-  // C (z I - A)^-1 V, n_y x 2n. At a pole: entries that are not finite.
-  [[nodiscard]] Eigen::MatrixXcd sight(std::complex<double> z) const;
-  // G(z), n_y x n_u.
-  [[nodiscard]] Eigen::MatrixXcd response(std::complex<double> z) const;
-  // (z I - A)^-1 V g: the state of V g = B u + z d.
-  [[nodiscard]] Eigen::VectorXcd state(std::complex<double> z, const Eigen::VectorXcd& g) const;
-};
-[[nodiscard]] SampledPlant sampled_plant(const LinearPlant& plant, double sample_time);
-
-// The line of the period that a bin of P periods is nearest to.
-[[nodiscard]] inline Eigen::Index nearest_line(Eigen::Index bin, Eigen::Index periods) {
-  return (bin + (periods - 1) / 2) / periods;
-}
-// Whether a bin is no line itself and lies beside one that counts.
-[[nodiscard]] inline bool counts_between_lines(const PeriodicData& data, Eigen::Index bin,
-                                               Eigen::Index periods) {
-  const Eigen::Index line = nearest_line(bin, periods);
-  return bin % periods != 0 && line >= data.first_line && line <= data.last_line;
-}
 
 // Takes free motion and feedback out of the lines of all records, states what error that leaves
 // (MeasuredRecord::common_error), and replaces the whitening by that of the noise between the

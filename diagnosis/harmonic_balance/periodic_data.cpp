@@ -104,16 +104,169 @@ void keep_input_period(const Eigen::Ref<const MatrixXd>& inputs, Index period, I
                         record.input_period.rowwise().mean().cast<std::complex<double>>();
 }
 
-class Reader {
+// The noise of recordings that were read, and the whitening that makes it white: from the scatter
+// between periods, or from what the campaign states where there is one period.
+class NoiseWhitener {
  public:
-  Reader(const Campaign& campaign, const PlantFamily& family, const PeriodicDataOptions& options)
+  NoiseWhitener(const Campaign& campaign, const PlantFamily& family,
+                const PeriodicDataOptions& options, const std::vector<ReadRecord>& read,
+                PeriodicData& data)
+      : campaign_(campaign), family_(family), options_(options), read_(read), data_(data) {}
+
+  // Whitening of each group: the recordings of one level.
+  void whiten(std::size_t groups) {
+    const bool is_repeated = std::ranges::any_of(
+        read_, [](const ReadRecord& read) { return read.samples.back().cols() > 0; });
+    if (is_repeated) estimate_responses_if_complete();
+    for (std::size_t group = 0; group < groups; ++group) {
+      data_.whitening.push_back(is_repeated ? estimated_whitening(group) : stated_whitening(group));
+    }
+  }
+
+ private:
+  void estimate_responses_if_complete() {
+    ResponseOptions options;
+    options.threads = options_.threads;
+    try {
+      data_.responses = estimate_responses(campaign_, options);
+    } catch (const InputError&) {
+      data_.responses.clear();  // sub-experiments are missing: the model's responses serve
+    }
+  }
+
+  [[nodiscard]] MatrixXcd whitened_by(const MatrixXcd& covariance, const VectorXd& level) const {
+    const auto whitening = whitening_of(covariance, level, options_.model_accuracy);
+    if (!whitening) refuse(campaign_, "an output has neither noise nor signal at some lines");
+    return *whitening;
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> stated_whitening(std::size_t group) const {
+    VectorXd variance(family_.output_count());
+    Index at = 0;
+    for (const Channel& channel : campaign_.channels) {
+      if (channel.role != ChannelRole::kOutput) continue;
+      if (!(channel.noise > 0.0)) {
+        refuse(campaign_, fmt::format("channels: {}: with one period recorded the noise must be "
+                                      "stated (noise: standard deviation)",
+                                      channel.name));
+      }
+      variance(at++) = channel.noise * channel.noise;
+    }
+    const MatrixXd level = output_level(data_, group);
+    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      result[static_cast<std::size_t>(k)] =
+          whitened_by(variance.cast<std::complex<double>>().asDiagonal(), level.col(k));
+    }
+    return result;
+  }
+
+  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last
+  // two.
+  [[nodiscard]] std::vector<Index> noise_lines() const {
+    std::vector<Index> lines(data_.excited.begin(), data_.excited.end());
+    const Index step = std::max<Index>(1, data_.last_line / 40);
+    for (Index k = lines.back() + step; k <= data_.last_line; k += step) lines.push_back(k);
+    if (lines.back() != data_.last_line) lines.push_back(data_.last_line);
+    return lines;
+  }
+
+  // From recorded inputs to outputs: measured at excited lines, else the model's.
+  [[nodiscard]] MatrixXcd response_at(Index line, const MeasuredRecord& record,
+                                      std::vector<std::optional<LinearPlant>>& plants) const {
+    for (const FrequencyResponseEstimate& estimate : data_.responses) {
+      if (estimate.level != record.level || estimate.position != data_.degrees[record.position])
+        continue;
+      const auto at = std::ranges::find(estimate.lines, static_cast<std::size_t>(line));
+      if (at != estimate.lines.end()) {
+        return estimate.responses[static_cast<std::size_t>(at - estimate.lines.begin())];
+      }
+    }
+    std::optional<LinearPlant>& plant = plants[record.position];
+    if (!plant) {
+      const Eigen::VectorXd start = family_.start_values();
+      plant = family_.plant(data_.positions[record.position], start, {});
+    }
+    return sampled_response(*plant, data_.frequencies[static_cast<std::size_t>(line)],
+                            data_.sample_time);
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> estimated_whitening(std::size_t group) {
+    const std::vector<Index> lines = noise_lines();
+    const Index outputs = family_.output_count();
+    std::vector<LineScatter> scatter(lines.size());
+    std::vector<double> frequencies;
+    std::vector<std::optional<LinearPlant>> plants(data_.positions.size());
+    for (std::size_t at = 0; at < lines.size(); ++at) {
+      const auto line = static_cast<std::size_t>(lines[at]);
+      frequencies.push_back(data_.frequencies[line]);
+      scatter[at].scatter = MatrixXcd::Zero(outputs, outputs);
+      for (const ReadRecord& read : read_) {
+        const MatrixXcd& samples = read.samples[line];
+        if (read.record.group != group || samples.cols() == 0) continue;
+        const MatrixXcd noise =
+            samples.topRows(outputs) -
+            response_at(lines[at], read.record, plants) * samples.bottomRows(family_.input_count());
+        scatter[at].scatter += noise * noise.adjoint();
+        scatter[at].degrees_of_freedom += static_cast<double>(noise.cols());
+        scatter[at].bins = read.bins[line];
+      }
+    }
+    const auto pooled =
+        pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs));
+    data_.noise_pools.push_back(pool_of(scatter, pooled));
+    return interpolated(pooled, lines, frequencies, output_level(data_, group));
+  }
+
+  [[nodiscard]] std::vector<MatrixXcd> interpolated(const std::vector<OutputCovariance>& pooled,
+                                                    const std::vector<Index>& lines,
+                                                    const std::vector<double>& frequencies,
+                                                    const MatrixXd& level) const {
+    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
+    std::size_t right = 1;
+    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
+      while (right + 1 < lines.size() && lines[right] < k) ++right;
+      const std::size_t left = lines.size() > 1 ? right - 1 : 0;
+      const std::size_t other = std::min(right, lines.size() - 1);
+      const double w = data_.frequencies[static_cast<std::size_t>(k)];
+      const double span = std::log(frequencies[other] / frequencies[left]);
+      const double share =
+          span > 0.0 ? std::clamp(std::log(w / frequencies[left]) / span, 0.0, 1.0) : 0.0;
+      result[static_cast<std::size_t>(k)] =
+          whitened_by(between(pooled[left], pooled[other], share), level.col(k));
+    }
+    return result;
+  }
+
+  // Powers interpolate geometrically, as powers of frequency do; their shapes linearly.
+  [[nodiscard]] static MatrixXcd between(const OutputCovariance& a, const OutputCovariance& b,
+                                         double share) {
+    const double power_a = a.covariance.trace().real(), power_b = b.covariance.trace().real();
+    if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
+    const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
+    const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
+    return inverse_bias(samples, shape.rows()) * std::pow(power_a, 1.0 - share) *
+           std::pow(power_b, share) * shape;
+  }
+
+  const Campaign& campaign_;
+  const PlantFamily& family_;
+  const PeriodicDataOptions& options_;
+  const std::vector<ReadRecord>& read_;
+  PeriodicData& data_;
+};
+
+class PeriodicReader {
+ public:
+  PeriodicReader(const Campaign& campaign, const PlantFamily& family,
+                 const PeriodicDataOptions& options)
       : campaign_(campaign), family_(family), options_(options) {}
 
   PeriodicData read() {
     lay_out();
     read_records();
     if (data_.estimation.empty()) refuse(campaign_, "experiments: none is for estimation");
-    whiten();
+    NoiseWhitener(campaign_, family_, options_, read_, data_).whiten(levels_.size());
     return std::move(data_);
   }
 
@@ -284,142 +437,6 @@ class Reader {
     return levels_.size() - 1;
   }
 
-  // ---- noise -----------------------------------------------------------------------------------
-
-  void whiten() {
-    const bool is_repeated = std::ranges::any_of(
-        read_, [](const ReadRecord& read) { return read.samples.back().cols() > 0; });
-    if (is_repeated) estimate_responses_if_complete();
-    for (std::size_t group = 0; group < levels_.size(); ++group) {
-      data_.whitening.push_back(is_repeated ? estimated_whitening(group) : stated_whitening(group));
-    }
-  }
-
-  void estimate_responses_if_complete() {
-    ResponseOptions options;
-    options.threads = options_.threads;
-    try {
-      data_.responses = estimate_responses(campaign_, options);
-    } catch (const InputError&) {
-      data_.responses.clear();  // sub-experiments are missing: the model's responses serve
-    }
-  }
-
-  [[nodiscard]] MatrixXcd whitened_by(const MatrixXcd& covariance, const VectorXd& level) const {
-    const auto whitening = whitening_of(covariance, level, options_.model_accuracy);
-    if (!whitening) refuse(campaign_, "an output has neither noise nor signal at some lines");
-    return *whitening;
-  }
-
-  [[nodiscard]] std::vector<MatrixXcd> stated_whitening(std::size_t group) const {
-    VectorXd variance(family_.output_count());
-    Index at = 0;
-    for (const Channel& channel : campaign_.channels) {
-      if (channel.role != ChannelRole::kOutput) continue;
-      if (!(channel.noise > 0.0)) {
-        refuse(campaign_, fmt::format("channels: {}: with one period recorded the noise must be "
-                                      "stated (noise: standard deviation)",
-                                      channel.name));
-      }
-      variance(at++) = channel.noise * channel.noise;
-    }
-    const MatrixXd level = output_level(data_, group);
-    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
-    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-      result[static_cast<std::size_t>(k)] =
-          whitened_by(variance.cast<std::complex<double>>().asDiagonal(), level.col(k));
-    }
-    return result;
-  }
-
-  // Lines at which noise is sampled: the excited ones, and beyond them as densely as their last
-  // two.
-  [[nodiscard]] std::vector<Index> noise_lines() const {
-    std::vector<Index> lines(data_.excited.begin(), data_.excited.end());
-    const Index step = std::max<Index>(1, data_.last_line / 40);
-    for (Index k = lines.back() + step; k <= data_.last_line; k += step) lines.push_back(k);
-    if (lines.back() != data_.last_line) lines.push_back(data_.last_line);
-    return lines;
-  }
-
-  // From recorded inputs to outputs: measured at excited lines, else the model's.
-  [[nodiscard]] MatrixXcd response_at(Index line, const MeasuredRecord& record,
-                                      std::vector<std::optional<LinearPlant>>& plants) const {
-    for (const FrequencyResponseEstimate& estimate : data_.responses) {
-      if (estimate.level != record.level || estimate.position != data_.degrees[record.position])
-        continue;
-      const auto at = std::ranges::find(estimate.lines, static_cast<std::size_t>(line));
-      if (at != estimate.lines.end()) {
-        return estimate.responses[static_cast<std::size_t>(at - estimate.lines.begin())];
-      }
-    }
-    std::optional<LinearPlant>& plant = plants[record.position];
-    if (!plant) {
-      const Eigen::VectorXd start = family_.start_values();
-      plant = family_.plant(data_.positions[record.position], start, {});
-    }
-    return sampled_response(*plant, data_.frequencies[static_cast<std::size_t>(line)],
-                            data_.sample_time);
-  }
-
-  [[nodiscard]] std::vector<MatrixXcd> estimated_whitening(std::size_t group) {
-    const std::vector<Index> lines = noise_lines();
-    const Index outputs = family_.output_count();
-    std::vector<LineScatter> scatter(lines.size());
-    std::vector<double> frequencies;
-    std::vector<std::optional<LinearPlant>> plants(data_.positions.size());
-    for (std::size_t at = 0; at < lines.size(); ++at) {
-      const auto line = static_cast<std::size_t>(lines[at]);
-      frequencies.push_back(data_.frequencies[line]);
-      scatter[at].scatter = MatrixXcd::Zero(outputs, outputs);
-      for (const ReadRecord& read : read_) {
-        const MatrixXcd& samples = read.samples[line];
-        if (read.record.group != group || samples.cols() == 0) continue;
-        const MatrixXcd noise =
-            samples.topRows(outputs) -
-            response_at(lines[at], read.record, plants) * samples.bottomRows(family_.input_count());
-        scatter[at].scatter += noise * noise.adjoint();
-        scatter[at].degrees_of_freedom += static_cast<double>(noise.cols());
-        scatter[at].bins = read.bins[line];
-      }
-    }
-    const auto pooled =
-        pool_covariances(scatter, frequencies, wanted_noise_samples(options_, outputs));
-    data_.noise_pools.push_back(pool_of(scatter, pooled));
-    return interpolated(pooled, lines, frequencies, output_level(data_, group));
-  }
-
-  [[nodiscard]] std::vector<MatrixXcd> interpolated(const std::vector<OutputCovariance>& pooled,
-                                                    const std::vector<Index>& lines,
-                                                    const std::vector<double>& frequencies,
-                                                    const MatrixXd& level) const {
-    std::vector<MatrixXcd> result(static_cast<std::size_t>(data_.last_line) + 1);
-    std::size_t right = 1;
-    for (Index k = data_.first_line; k <= data_.last_line; ++k) {
-      while (right + 1 < lines.size() && lines[right] < k) ++right;
-      const std::size_t left = lines.size() > 1 ? right - 1 : 0;
-      const std::size_t other = std::min(right, lines.size() - 1);
-      const double w = data_.frequencies[static_cast<std::size_t>(k)];
-      const double span = std::log(frequencies[other] / frequencies[left]);
-      const double share =
-          span > 0.0 ? std::clamp(std::log(w / frequencies[left]) / span, 0.0, 1.0) : 0.0;
-      result[static_cast<std::size_t>(k)] =
-          whitened_by(between(pooled[left], pooled[other], share), level.col(k));
-    }
-    return result;
-  }
-
-  // Powers interpolate geometrically, as powers of frequency do; their shapes linearly.
-  [[nodiscard]] static MatrixXcd between(const OutputCovariance& a, const OutputCovariance& b,
-                                         double share) {
-    const double power_a = a.covariance.trace().real(), power_b = b.covariance.trace().real();
-    if (!(power_a > 0.0) || !(power_b > 0.0)) return a.covariance;
-    const MatrixXcd shape = (1.0 - share) * a.covariance / power_a + share * b.covariance / power_b;
-    const double samples = (1.0 - share) * a.degrees_of_freedom + share * b.degrees_of_freedom;
-    return inverse_bias(samples, shape.rows()) * std::pow(power_a, 1.0 - share) *
-           std::pow(power_b, share) * shape;
-  }
-
   const Campaign& campaign_;
   const PlantFamily& family_;
   const PeriodicDataOptions& options_;
@@ -473,7 +490,7 @@ MeasuredRecord measured_record(const PeriodicData& frame, const Eigen::Ref<const
 
 PeriodicData read_periodic_data(const Campaign& campaign, const PlantFamily& family,
                                 const PeriodicDataOptions& options) {
-  return Reader(campaign, family, options).read();
+  return PeriodicReader(campaign, family, options).read();
 }
 
 }  // namespace graybox

@@ -8,6 +8,7 @@
 
 #include "diagnosis/hypotheses/place_file.hpp"
 #include "problems/base/error.hpp"
+#include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/chain_dynamics.hpp"
 #include "problems/mechanisms/frequency_response.hpp"
 #include "problems/mechanisms/local_model.hpp"

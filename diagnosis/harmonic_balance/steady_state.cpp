@@ -172,6 +172,10 @@ void SteadyStateSolver::drive(const ModelState& model, const MeasuredRecord& rec
   for (Index k = data_.first_line; k <= lines_; ++k) {
     sight_[at(k)].noalias() = data_.whitening[record.group][at(k)] * position_->sight[at(k)];
   }
+  carry_laws(plant);
+}
+
+void SteadyStateSolver::carry_laws(const LinearPlant& plant) {
   // D^-1 b_out of each law, what the sensors see of it, and D^-T b_in.
   carried_.resize(force_laws_.size());
   seen_.resize(force_laws_.size());

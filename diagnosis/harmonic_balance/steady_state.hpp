@@ -135,6 +135,7 @@ class SteadyStateSolver {
   };
 
   void list_laws(const ModelState& model);
+  void carry_laws(const LinearPlant& plant);
   void drive(const ModelState& model, const MeasuredRecord& record);
   void find_own_forces(const ModelState& model, std::size_t position);
   double renew_own_force(const MeasuredRecord& record);

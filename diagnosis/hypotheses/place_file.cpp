@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "problems/files/yaml_field.hpp"
+
 namespace graybox {
 namespace {
 

@@ -319,6 +319,10 @@ void LumpedSystem::compute_acceleration(const Rows& state, const double* inputs,
       }
     }
   }
+  divide_by_mass();
+}
+
+void LumpedSystem::divide_by_mass() {
   for (Eigen::Index i = 0; i < n_; ++i) {
     auto to = acceleration_rows_.row(i);
     to = inverse_mass_(i, 0) * balance_.row(0);

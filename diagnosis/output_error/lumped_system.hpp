@@ -96,6 +96,7 @@ class LumpedSystem {
   void apply(const PlacedLaw& law, const Rows& state, bool with_rates, Rows* rates, Row& force);
   void pass_signal(const PlacedLaw& law, const Rows& state, Row& signal, Rows* rates);
   void compute_inputs(const Rows& state, const double* inputs, const double* slopes, Rows* rates);
+  void divide_by_mass();  // the balance, into acceleration_rows_
   void compute_acceleration(const Rows& state, const double* inputs, bool whole, Rows& rates);
   void measure(std::size_t output, const Rows& state, const double* inputs, Row& row);
   void imposed_force(Eigen::Index mass, const Rows& state, const double* inputs, Row& row);

@@ -39,6 +39,24 @@ MatrixXcd seen_through(const MatrixXcd& answer, const MatrixXcd& columns) {
   return seen;
 }
 
+// The columns of the model's own parameters in one record, and all that others are multiplied with.
+struct ModelColumns {
+  Index parameters = 0, directions = 0;
+  MatrixXcd jacobian, moved;  // decorrelated; not, under the motion at the place
+  VectorXcd residual;         // decorrelated
+  BlockSums sums;
+  MatrixXcd against;  // residual, jacobian and directions that columns are multiplied with
+};
+
+// The motion at a place, and what the place sees of the residual and of columns.
+struct PlaceView {
+  SteadyPlaceMotion motion;
+  PeriodicMotion times;
+  MatrixXcd against, moved;
+  Eigen::MatrixXf noise;
+  VectorXd gain;
+};
+
 class RecordProducts {
  public:
   RecordProducts(const PlantFamily& family, const PeriodicData& data, const ModelState& model,
@@ -60,7 +78,7 @@ class RecordProducts {
   // Candidates of one block, which are all part of the plant or all forces and signals.
   void add(std::span<const Candidate> block, const std::vector<PlantChange>& bodies) {
     if (is_body(*block.front().place, *block.front().entry)) {
-      add_block(jacobian_, sums_.blocks[block.front().block]);
+      add_block(own_.jacobian, sums_.blocks[block.front().block]);
       for (const Candidate& candidate : block) add_body(candidate, bodies);
     } else {
       see_place(block.front());
@@ -71,34 +89,34 @@ class RecordProducts {
  private:
   // The model's own, and everything that columns are multiplied with.
   void add_parameters() {
-    solver_.differentiate(model_, record_, false, jacobian_);
-    parameters_ = jacobian_.cols();
-    moved_ = jacobian_;
-    record_.decorrelate(jacobian_);
-    residual_ = solver_.state().residual.reshaped();
-    record_.decorrelate(residual_);
-    own_ = {MatrixXd::Zero(parameters_, parameters_), VectorXd::Zero(parameters_)};
-    add_block(jacobian_, own_);
-    sums_.own_information += own_.information;
-    sums_.own_scores.col(0) += own_.scores;
+    solver_.differentiate(model_, record_, false, own_.jacobian);
+    own_.parameters = own_.jacobian.cols();
+    own_.moved = own_.jacobian;
+    record_.decorrelate(own_.jacobian);
+    own_.residual = solver_.state().residual.reshaped();
+    record_.decorrelate(own_.residual);
+    own_.sums = {MatrixXd::Zero(own_.parameters, own_.parameters), VectorXd::Zero(own_.parameters)};
+    add_block(own_.jacobian, own_.sums);
+    sums_.own_information += own_.sums.information;
+    sums_.own_scores.col(0) += own_.sums.scores;
     const Index count = draws_.draws();
-    if (count > 0) sums_.own_scores.rightCols(count) += draws_.products(jacobian_);
-    against_.resize(jacobian_.rows(), 1 + parameters_);
-    against_.col(0) = residual_;
-    against_.rightCols(parameters_) = jacobian_;
-    record_.decorrelate(against_);
+    if (count > 0) sums_.own_scores.rightCols(count) += draws_.products(own_.jacobian);
+    own_.against.resize(own_.jacobian.rows(), 1 + own_.parameters);
+    own_.against.col(0) = own_.residual;
+    own_.against.rightCols(own_.parameters) = own_.jacobian;
+    record_.decorrelate(own_.against);
     draws_.decorrelate(record_);
     if (record_.common_error) {
       const MatrixXcd common = record_.common_error->inverse_directions();
-      against_.conservativeResize(Eigen::NoChange, against_.cols() + common.cols());
-      against_.rightCols(common.cols()) = common;
+      own_.against.conservativeResize(Eigen::NoChange, own_.against.cols() + common.cols());
+      own_.against.rightCols(common.cols()) = common;
     }
-    directions_ = against_.cols() - parameters_ - 1;
+    own_.directions = own_.against.cols() - own_.parameters - 1;
   }
 
   void add_block(const MatrixXcd& jacobian, BlockSums& block) const {
     block.information += as_real(jacobian).transpose() * as_real(jacobian);
-    block.scores += as_real(jacobian).transpose() * as_real(residual_);
+    block.scores += as_real(jacobian).transpose() * as_real(own_.residual);
   }
 
   void add_body(const Candidate& candidate, const std::vector<PlantChange>& bodies) {
@@ -107,12 +125,12 @@ class RecordProducts {
     for (std::size_t s = 0; s < candidate.shapes.size(); ++s, ++column, ++shape_, ++body_) {
       solver_.answer_of_plant(bodies[body_], solver_.state().coordinates, false, change);
       const VectorXcd own = change.reshaped();
-      const Eigen::RowVectorXd products = as_real(own).transpose() * as_real(against_);
+      const Eigen::RowVectorXd products = as_real(own).transpose() * as_real(own_.against);
       sums_.information[shape_](0, 0) +=
-          own.squaredNorm() - products.tail(directions_).squaredNorm();
+          own.squaredNorm() - products.tail(own_.directions).squaredNorm();
       sums_.scores(column, 0) += products(0);
-      sums_.nuisance.row(column) += products.segment(1, parameters_);
-      sums_.moved_nuisance.row(column) += products.segment(1, parameters_);
+      sums_.nuisance.row(column) += products.segment(1, own_.parameters);
+      sums_.moved_nuisance.row(column) += products.segment(1, own_.parameters);
       const Index count = draws_.draws();
       if (count > 0) sums_.scores.row(column).tail(count) += draws_.products(own).row(0);
     }
@@ -124,33 +142,33 @@ class RecordProducts {
     MatrixXcd answer;
     answer_at(solver_, model_, record_, place, answer);
     const PlaceObserver& observer = may_follow_data(*first.entry) ? observer_ : undisturbed_;
-    motion_ = observer.observe(record_, place, answer);
+    seen_.motion = observer.observe(record_, place, answer);
     // A law's force acts against the motion.
     if (place.kind == LocationKind::kElement) answer = -answer;
-    coarse_.motion_of(motion_.deflection, times_);
+    coarse_.motion_of(seen_.motion.deflection, seen_.times);
     BlockSums& block = sums_.blocks[first.block];
-    if (motion_.is_moved) {
+    if (seen_.motion.is_moved) {
       differentiate_moved();
-      MatrixXcd moved = moved_;
+      MatrixXcd moved = own_.moved;
       record_.decorrelate(moved);
       add_block(moved, block);
       record_.decorrelate(moved);
-      seen_moved_ = seen_through(answer, moved);
+      seen_.moved = seen_through(answer, moved);
     } else {
-      block.information += own_.information;
-      block.scores += own_.scores;
+      block.information += own_.sums.information;
+      block.scores += own_.sums.scores;
     }
-    gain_ = answer.colwise().norm().transpose();
-    seen_ = seen_through(answer, against_);
-    if (draws_.draws() > 0) seen_noise_ = as_real(draws_.seen_by(answer)).cast<float>();
+    seen_.gain = answer.colwise().norm().transpose();
+    seen_.against = seen_through(answer, own_.against);
+    if (draws_.draws() > 0) seen_.noise = as_real(draws_.seen_by(answer)).cast<float>();
   }
 
   // The columns of the plant's parameters under the motion at the place; those of laws stay.
   void differentiate_moved() {
     const std::size_t own = model_.positions[record_.position].changes.size();
     for (std::size_t p = 0; p < own; ++p) {
-      Eigen::Map<MatrixXcd> column(moved_.col(static_cast<Index>(p)).data(), outputs_, lines_);
-      solver_.answer_of_parameter(record_, p, motion_.coordinates, false, column);
+      Eigen::Map<MatrixXcd> column(own_.moved.col(static_cast<Index>(p)).data(), outputs_, lines_);
+      solver_.answer_of_parameter(record_, p, seen_.motion.coordinates, false, column);
     }
   }
 
@@ -172,23 +190,23 @@ class RecordProducts {
         }
       }
     }
-    const MatrixXd products = as_real(columns).transpose() * as_real(seen_);
+    const MatrixXd products = as_real(columns).transpose() * as_real(seen_.against);
     sums_.scores.col(0).segment(first, width) += products.col(0);
-    const auto nuisance = products.middleCols(1, parameters_);
+    const auto nuisance = products.middleCols(1, own_.parameters);
     sums_.nuisance.middleRows(first, width) += nuisance;
-    if (motion_.is_moved) {
+    if (seen_.motion.is_moved) {
       sums_.moved_nuisance.middleRows(first, width) +=
-          as_real(columns).transpose() * as_real(seen_moved_);
+          as_real(columns).transpose() * as_real(seen_.moved);
     } else {
       sums_.moved_nuisance.middleRows(first, width) += nuisance;
     }
     if (const Index count = draws_.draws(); count > 0) {
       // Chance needs no more than single precision.
-      const Eigen::MatrixXf drawn = as_real(columns).cast<float>().transpose() * seen_noise_;
+      const Eigen::MatrixXf drawn = as_real(columns).cast<float>().transpose() * seen_.noise;
       sums_.scores.middleRows(first, width).rightCols(count) += drawn.cast<double>();
     }
-    columns = gain_.asDiagonal() * columns;
-    add_information(block, columns, products.rightCols(directions_));
+    columns = seen_.gain.asDiagonal() * columns;
+    add_information(block, columns, products.rightCols(own_.directions));
   }
 
   // Of each shape's columns, times the gain of the place.
@@ -213,7 +231,7 @@ class RecordProducts {
       solver_.signal_lines(law, record_, model_.positions[record_.position].plant, place.channel,
                            force_);
     } else {
-      coarse_.force_lines(law, motion_.deflection, times_, force_);
+      coarse_.force_lines(law, seen_.motion.deflection, seen_.times, force_);
     }
     return force_;
   }
@@ -226,16 +244,8 @@ class RecordProducts {
   Index lines_, outputs_;
   NoiseDraws draws_;
   CandidateSums& sums_;
-  Index parameters_ = 0, directions_ = 0;
-  MatrixXcd jacobian_, moved_;  // decorrelated; not, under the motion at the place
-  VectorXcd residual_;          // decorrelated
-  BlockSums own_;
-  MatrixXcd against_;  // residual, jacobian and directions that columns are multiplied with
-  SteadyPlaceMotion motion_;
-  PeriodicMotion times_;
-  MatrixXcd seen_, seen_moved_;
-  Eigen::MatrixXf seen_noise_;
-  VectorXd gain_;
+  ModelColumns own_;
+  PlaceView seen_;  // of the present block
   VectorXcd force_;
   std::size_t shape_ = 0, body_ = 0;
 };

@@ -51,10 +51,6 @@ struct PeriodicFit {
   std::vector<bool> imitated{};
 };
 
-// The factor of the multiple of b b^T that is nearest to a matrix, b^T M b / (b^T b)^2: of a change
-// of C or K what acts as a force at a place.
-[[nodiscard]] double multiple_along(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& b);
-
 // Of the numbers in recordings those that a freed force leaves: it takes one output's of each line.
 [[nodiscard]] double share_beside_freed(const PeriodicData& data);
 

@@ -27,6 +27,7 @@
 #include "diagnosis/periodic/gradual_fit.hpp"
 #include "diagnosis/periodic/periodic_assessment.hpp"
 #include "diagnosis/periodic/periodic_fit.hpp"
+#include "diagnosis/periodic/periodic_hypotheses.hpp"
 #include "diagnosis/periodic/periodic_shapes.hpp"
 #include "diagnosis/periodic/response_starts.hpp"
 #include "diagnosis/periodic/rival_experiments.hpp"
@@ -101,20 +102,260 @@ CheckedRange range_of(const PeriodicData& data, const std::vector<MeasuredRecord
   return range;
 }
 
-class Problem : public MismatchProblem, public PhysicalEvidence {
+// How many positions the recordings of the fit were made at.
+std::size_t positions_of(const PeriodicData& data) {
+  std::set<std::size_t> positions;
+  for (const MeasuredRecord& record : data.estimation) positions.insert(record.position);
+  return positions.size();
+}
+
+bool can_clear_with(const ExtendedFit& fit) {
+  constexpr double kMisfit = 100.0;
+  return fit.estimation.chi_square_per_dof() <= kMisfit;
+}
+
+bool leaves_more_than_noise(const ExtendedFit& fit) {
+  constexpr double kNoNoise = 0.01;
+  const Assessment& rest = fit.estimation;
+  return chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
+}
+
+// Beyond what a model without it takes out.
+bool bends_free_motion(const ActingLaw& law) {
+  return law.place->location.kind == LocationKind::kElement &&
+         (law.entry->name == "mode" || has_varying_slopes(law));
+}
+
+// Mean logarithm of the standard deviations of lines, up to a constant.
+double noise_level(const PeriodicData& data) {
+  double sum = 0.0, count = 0.0;
+  for (const auto& group : data.whitening) {
+    for (Index k = data.first_line; k <= data.last_line; ++k) {
+      const MatrixXcd& whitening = group[at(k)];
+      sum -= std::log(std::abs(whitening.determinant()));
+      count += static_cast<double>(whitening.rows());
+    }
+  }
+  return sum / count;
+}
+
+// Far beyond any level of detection, so that a motion that holds noise of the residuals is taken
+// only where tests of single hypotheses no longer decide whether anything is missing.
+bool is_clearly_wrong(const ExtendedFit& fit) {
+  constexpr double kLevel = 1e-6;
+  return chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) < kLevel;
+}
+
+// The parameter of the model with the largest relative error; none where the data see none.
+std::optional<Index> least_determined(const PlantFamily& family, const PeriodicFit& fit) {
+  const VectorXd errors = standard_errors(fit.information);
+  std::optional<Index> least;
+  double largest = 0.0;
+  for (Index p = 0; p < fit.parameters.size(); ++p) {
+    const double error = errors(p) / std::abs(fit.parameters(p));
+    if (!family.parameters()[at(p)].positive || !(error > largest)) continue;
+    least = p;
+    largest = error;
+  }
+  return least;
+}
+
+// A fit to the records of `data` in the search's terms. `frame` has the model's positions.
+ExtendedFit assessed(const PeriodicHypotheses& hypotheses, const PeriodicData& frame,
+                     const PeriodicData& data, const PeriodicFit& fitted,
+                     std::span<const LawStart> laws, int threads) {
+  ExtendedFit result = hypotheses.report(fitted, laws);
+  if (fitted.parameters.size() == 0) return result;
+  result.estimation = assess_records(
+      hypotheses.family(), frame,
+      evaluate_model(hypotheses.family(), frame, fitted.parameters, fitted.laws, false, threads),
+      data.estimation, result.parameter_count, threads);
+  return result;
+}
+
+// Where one force acted freely at a place, and what came of it (freed_fit()).
+struct FreedFit {
+  const CandidatePlace* place;
+  std::vector<ActingLaw> others;
+  PeriodicFit fit;
+};
+
+// Fits of the model with laws, from a fit that is known. Keeps references.
+class PeriodicLawFits {
  public:
-  Problem(std::shared_ptr<const PlantFamily> family, PeriodicData data,
-          const PeriodicDataOptions& reading, const PeriodicMismatchOptions& options)
-      : family_(std::move(family)), data_(std::move(data)), reading_(reading), options_(options) {
-    list_base_laws();
-    list_hypotheses();
-    start_ = family_->start_values();
-    faults_ = find_channel_faults(compared_responses(*family_, data_, start_));
-    if (!faults_.empty()) return;
-    telling_ = telling_recordings(*family_, data_, start_, base_laws_, options_.threads);
+  // `first`: the fit of the model as it is, if there is one. `freed_fits`: those that are known;
+  // others are added.
+  PeriodicLawFits(const PeriodicHypotheses& hypotheses, const PeriodicData& data,
+                  PeriodicFitOptions how, const VectorXd& start,
+                  const std::optional<PeriodicFit>& first, std::deque<FreedFit>& freed_fits)
+      : hypotheses_(hypotheses),
+        data_(data),
+        how_(std::move(how)),
+        start_(start),
+        first_(first),
+        freed_fits_(freed_fits) {}
+
+  // From the parameters of the fit nearby and those that the ranking found for the law, the best of
+  // them.
+  [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, const PeriodicFitOptions& how,
+                                     std::span<const LawStart> laws,
+                                     const ExtendedFit& nearby) const {
+    VectorXd start = start_;
+    std::vector<ActingLaw> acting = hypotheses_.with_base_laws(laws);
+    hypotheses_.take_model_parameters(nearby, start, acting);
+    std::vector<VectorXd> starts{start};
+    if (!laws.empty() && !laws.back().model_parameters.empty()) {
+      const std::vector<double>& other = laws.back().model_parameters;
+      starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
+    }
+    PeriodicFit best = fit_periodic(hypotheses_.family(), data, starts, acting, how);
+    if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws, best);
+    ExtendedFit result = report(data, best, laws);
+    // A model alone that is far off has its parameters far off, and its valleys need not be those
+    // of the law.
+    const bool is_near = result.usable && can_clear_with(result);
+    if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
+    std::vector<VectorXd> early{start_};
+    if (first_->start.size() > 0 && first_->start != start_) early.push_back(first_->start);
+    const PeriodicFit afresh =
+        can_free(data, acting.back())
+            ? fit_from_freed(data, how, early, acting)
+            : fit_periodic_if_near(hypotheses_.family(), data, early, acting, how);
+    const bool is_better =
+        afresh.converged && (!best.converged || afresh.chi_square < best.chi_square);
+    return is_better ? report(data, afresh, laws) : result;
   }
 
-  [[nodiscard]] std::span<const Hypothesis> hypotheses() const override { return hypotheses_; }
+ private:
+  [[nodiscard]] ExtendedFit report(const PeriodicData& data, const PeriodicFit& fitted,
+                                   std::span<const LawStart> laws) const {
+    return assessed(hypotheses_, data_, data, fitted, laws, how_.threads);
+  }
+
+  // Where the law fits best without what refines it (a limit far above the motion with a corner
+  // that reaches down to it is another valley), at all its other valleys, and at its spare starts
+  // until one leads to a steady state.
+  void begin_elsewhere(const PeriodicData& data, const PeriodicFitOptions& how,
+                       const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
+                       std::span<const LawStart> laws, PeriodicFit& best) const {
+    std::vector<VectorXd> from = starts;
+    double least = std::numeric_limits<double>::infinity();  // of all valleys
+    const auto take_if_better = [&](const std::vector<double>& parameters) {
+      acting.back().parameters = parameters;
+      PeriodicFitOptions rest = how;
+      if (best.converged) {
+        least = std::min(least, best.chi_square);
+        rest.to_beat = data.validation.empty() ? least : least + kUndecided;
+      }
+      PeriodicFit fit = fit_periodic(hypotheses_.family(), data, from, acting, rest);
+      if (is_better_valley(data, fit, best)) best = std::move(fit);
+    };
+    if (has_refinements(*acting.back().entry)) {
+      const PeriodicFit plain =
+          fit_periodic(hypotheses_.family(), data, starts, with_refinements_held(acting), how);
+      if (plain.has_steady_state) {
+        from = {plain.parameters};
+        take_if_better(plain.laws.back().parameters);
+        from = starts;
+      }
+    }
+    std::ranges::for_each(laws.back().others, take_if_better);
+    for (const std::vector<double>& spare : laws.back().spares) {
+      if (best.has_steady_state) break;
+      take_if_better(spare);
+    }
+  }
+
+  static constexpr double kUndecided = 10.0;  // of chi-square
+
+  // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out,
+  // as laws are (FitComparison::held_out_difference): a motion that only grazes a limit says little
+  // of where that is. Not in a race, which knows none kept out.
+  [[nodiscard]] bool is_better_valley(const PeriodicData& data, const PeriodicFit& fit,
+                                      const PeriodicFit& than) const {
+    if (!fit.converged || !than.converged) return fit.converged;
+    const double difference = fit.chi_square - than.chi_square;
+    if (data.validation.empty() || std::abs(difference) > kUndecided || !is_another(fit, than)) {
+      return difference < 0.0;
+    }
+    const auto cost = [&](const PeriodicFit& each) {
+      const ModelState model = evaluate_model(hypotheses_.family(), data, each.parameters,
+                                              each.laws, true, how_.threads);
+      return graybox::predict_held_out(hypotheses_.family(), data, model, graybox::values_of(each),
+                                       how_.threads)
+          .cost.value_or(0.0);
+    };
+    const double of_fit = cost(fit), of_other = cost(than);
+    const double held_out = of_fit == of_other ? 0.0 : of_fit - of_other;  // both may be infinite
+    return difference + kHeldOutShare * held_out < 0.0;
+  }
+
+  // Farther away than its own errors allow.
+  [[nodiscard]] static bool is_another(const PeriodicFit& fit, const PeriodicFit& than) {
+    constexpr double kErrors = 3.0;
+    VectorXd change(than.information.rows());
+    Index k = than.parameters.size();
+    change.head(k) = fit.parameters - than.parameters;
+    for (std::size_t l = 0; l < than.laws.size(); ++l) {
+      for (std::size_t p = 0; p < than.laws[l].parameters.size(); ++p) {
+        change(k++) = fit.laws[l].parameters[p] - than.laws[l].parameters[p];
+      }
+    }
+    return change.dot(than.information * change) > kErrors * kErrors;
+  }
+
+  [[nodiscard]] PeriodicFit fit_from_freed(const PeriodicData& data, const PeriodicFitOptions& how,
+                                           const std::vector<VectorXd>& early,
+                                           const std::vector<ActingLaw>& laws) const {
+    const PeriodicFit& freed = freed_at(*laws.back().place, {laws.begin(), laws.end() - 1}, early);
+    if (!freed.converged) return freed;
+    return fit_periodic_after_freed(hypotheses_.family(), data, freed, laws.back(), how);
+  }
+
+  // Many laws share a place: its fit is kept.
+  const PeriodicFit& freed_at(const CandidatePlace& place, const std::vector<ActingLaw>& others,
+                              const std::vector<VectorXd>& early) const {
+    const auto is_same = [](const ActingLaw& a, const ActingLaw& b) {
+      return a.place == b.place && a.entry == b.entry && a.parameters == b.parameters;
+    };
+    for (const FreedFit& known : freed_fits_) {
+      if (known.place == &place && std::ranges::equal(known.others, others, is_same)) {
+        return known.fit;
+      }
+    }
+    freed_fits_.push_back(
+        {&place, others,
+         freed_fit(hypotheses_.family(), data_, early, others, place.location, how_)});
+    return freed_fits_.back().fit;
+  }
+
+  const PeriodicHypotheses& hypotheses_;
+  const PeriodicData& data_;
+  const PeriodicFitOptions how_;
+  const VectorXd& start_;
+  const std::optional<PeriodicFit>& first_;
+  std::deque<FreedFit>& freed_fits_;
+};
+
+// The problem of the search where recordings are periodic.
+class PeriodicProblem : public MismatchProblem, public PhysicalEvidence {
+ public:
+  PeriodicProblem(std::shared_ptr<const PlantFamily> family, PeriodicData data,
+                  const PeriodicDataOptions& reading, const PeriodicMismatchOptions& options)
+      : data_(std::move(data)),
+        reading_(reading),
+        options_(options),
+        hypotheses_(std::move(family), positions_of(data_)) {
+    start_ = hypotheses_.family().start_values();
+    faults_ = find_channel_faults(compared_responses(hypotheses_.family(), data_, start_));
+    if (!faults_.empty()) return;
+    telling_ = telling_recordings(hypotheses_.family(), data_, start_, hypotheses_.base_laws(),
+                                  options_.threads);
+  }
+
+  [[nodiscard]] std::span<const Hypothesis> hypotheses() const override {
+    return hypotheses_.list();
+  }
   [[nodiscard]] double sample_count() const override { return data_.numbers_in(data_.estimation); }
   [[nodiscard]] bool noise_is_known() const override { return true; }
 
@@ -126,8 +367,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   // the noise at most up to the misfit below. Beyond, polynomials do less harm.
   void clear_transients() {
     if (data_.estimation.front().output_bins.size() == 0 || !faults_.empty()) return;
-    first_ = first_fit(base_laws_);
-    if (!first_->converged || !can_clear_with(report(data_, *first_, {}))) return;
+    first_ = first_fit(hypotheses_.base_laws());
+    if (!first_->converged || !can_clear_with(report(*first_, {}))) return;
     if (is_doubtful(*first_)) look_across_the_least_determined(*first_);
     clear_with(*first_);
   }
@@ -137,7 +378,8 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] std::unique_ptr<MismatchProblem> renewed(const ExtendedFit& fit) const override {
     if (data_.estimation.front().output_bins.size() == 0 || !can_clear_with(fit)) return nullptr;
     const ModelState model = state_of(fit);
-    const std::span<const ActingLaw> found = std::span(model.laws).subspan(base_laws_.size());
+    const std::span<const ActingLaw> found =
+        std::span(model.laws).subspan(hypotheses_.base_laws().size());
     if (cleared_start_ &&
         !(leaves_more_than_noise(fit) && std::ranges::any_of(found, bends_free_motion))) {
       return nullptr;
@@ -145,7 +387,7 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     PeriodicFit near;
     near.parameters = model.parameters;
     near.laws = model.laws;
-    auto problem = std::make_unique<Problem>(*this);
+    auto problem = std::make_unique<PeriodicProblem>(*this);
     problem->freed_fits_.clear();
     problem->predictions_.clear();
     problem->clear_with(near);
@@ -167,19 +409,21 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
 
   // From those that the measured responses suggest and the model's own values.
   [[nodiscard]] PeriodicFit first_fit(const std::vector<ActingLaw>& acting) const {
-    std::vector<VectorXd> starts = response_starts(*family_, data_, options_.threads);
+    std::vector<VectorXd> starts = response_starts(hypotheses_.family(), data_, options_.threads);
     starts.push_back(start_);
-    return fit_periodic_gradually(*family_, data_, starts, acting, how_to_fit());
+    return fit_periodic_gradually(hypotheses_.family(), data_, starts, acting, how_to_fit());
   }
 
   [[nodiscard]] ExtendedFit fit(std::span<const LawStart> laws,
                                 const ExtendedFit* nearby) const override {
-    if (!lacks_parameters(nearby)) return fit_from(data_, how_to_fit(), laws, *nearby);
+    if (!lacks_parameters(nearby)) return fits().fit_from(data_, how_to_fit(), laws, *nearby);
     if (laws.empty() && cleared_start_) {
-      return report(
-          data_, fit_periodic(*family_, data_, {*cleared_start_}, base_laws_, how_to_fit()), laws);
+      return report(fit_periodic(hypotheses_.family(), data_, {*cleared_start_},
+                                 hypotheses_.base_laws(), how_to_fit()),
+                    laws);
     }
-    return report(data_, first_ && laws.empty() ? *first_ : first_fit(with_base_laws(laws)), laws);
+    return report(first_ && laws.empty() ? *first_ : first_fit(hypotheses_.with_base_laws(laws)),
+                  laws);
   }
 
   // Where these save most of the time, and are enough to tell laws apart.
@@ -195,16 +439,16 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     PeriodicFitOptions how = how_to_fit();
     how.telling.resize(few.estimation.size());
     std::iota(how.telling.begin(), how.telling.end(), std::size_t{0});  // all of them
-    return fit_from(few, how, laws, nearby);
+    return fits().fit_from(few, how, laws, nearby);
   }
 
   [[nodiscard]] ScoreTable scores(const ExtendedFit& fit, std::span<const std::size_t> asked,
                                   int null_draws, std::uint64_t seed) const override {
     std::vector<HypotheticalLaw> laws;
     for (const std::size_t hypothesis : asked) {
-      laws.push_back({hypothesis, places_[hypothesis], entries_[hypothesis]});
+      laws.push_back({hypothesis, hypotheses_.place(hypothesis), hypotheses_.entry(hypothesis)});
     }
-    return score_candidates(*family_, data_, state_of(fit), laws,
+    return score_candidates(hypotheses_.family(), data_, state_of(fit), laws,
                             {.follows_data = is_clearly_wrong(fit),
                              .null_draws = null_draws,
                              .seed = seed,
@@ -213,12 +457,13 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] std::vector<MismatchCell> mismatch(const ExtendedFit& fit) const override {
-    return mismatch_map(*family_, data_, state_of(fit), options_.threads);
+    return mismatch_map(hypotheses_.family(), data_, state_of(fit), options_.threads);
   }
 
   [[nodiscard]] std::optional<Assessment> validate(const ExtendedFit& fit) const override {
     if (data_.validation.empty()) return {};
-    return assess_records(*family_, data_, state_of(fit), data_.validation, 0, options_.threads);
+    return assess_records(hypotheses_.family(), data_, state_of(fit), data_.validation, 0,
+                          options_.threads);
   }
 
   [[nodiscard]] std::optional<HeldOutPrediction> predict_held_out(
@@ -230,9 +475,9 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     for (const KnownPrediction& known : predictions_) {
       if (known.laws == laws && known.values == values) return known.prediction;
     }
-    predictions_.push_back(
-        {laws, values,
-         graybox::predict_held_out(*family_, data_, state_of(fit), values, options_.threads)});
+    predictions_.push_back({laws, values,
+                            graybox::predict_held_out(hypotheses_.family(), data_, state_of(fit),
+                                                      values, options_.threads)});
     return predictions_.back().prediction;
   }
 
@@ -245,29 +490,29 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
     const double left =
         leaves_more_than_noise(fit) ? rest.chi_square - rest.degrees_of_freedom : 0.0;
     const auto find_in = [&](const PeriodicData& data) {
-      return find_time_variation(*family_, data, model, base_laws_.size(), gain, left,
-                                 options_.threads);
+      return find_time_variation(hypotheses_.family(), data, model, hypotheses_.base_laws().size(),
+                                 gain, left, options_.threads);
     };
     constexpr double kPlain = 0.05;
     std::optional<TimeVariation> found = find_in(data_);
     if (!found || found->p_value > kPlain || fit.laws.empty() || !can_clear_with(fit)) return found;
     PeriodicData again = data_;
-    graybox::clear_transients(*family_, model, reading_, again);
+    graybox::clear_transients(hypotheses_.family(), model, reading_, again);
     return find_in(again);
   }
 
   [[nodiscard]] PhysicalContext physical_context(const ExtendedFit& fit) const override {
     PhysicalContext context;
-    for (const ModelParameter& parameter : family_->parameters()) {
+    for (const ModelParameter& parameter : hypotheses_.family().parameters()) {
       context.starts.push_back(parameter.positive ? parameter.start
                                                   : std::numeric_limits<double>::quiet_NaN());
     }
     const ModelState model = state_of(fit);
     const LinearPlant& plant = model.positions.front().plant;
     const std::vector<ForcePicture> pictures =
-        law_pictures(*family_, data_, model, base_laws_.size());
+        law_pictures(hypotheses_.family(), data_, model, hypotheses_.base_laws().size());
     for (std::size_t l = 0; l < fit.laws.size(); ++l) {
-      const Location& place = places_[fit.laws[l].hypothesis]->location;
+      const Location& place = hypotheses_.place(fit.laws[l].hypothesis)->location;
       PhysicalContext::OfLaw& own = context.laws.emplace_back();
       // A force that follows the motion elsewhere may well feed energy in.
       if (place.kind != LocationKind::kElement || place.is_flange || place.input != place.output) {
@@ -295,7 +540,7 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
 
   [[nodiscard]] std::vector<ForcePicture> force_pictures(const ExtendedFit& fit) const override {
     std::vector<ForcePicture> pictures =
-        law_pictures(*family_, data_, state_of(fit), base_laws_.size());
+        law_pictures(hypotheses_.family(), data_, state_of(fit), hypotheses_.base_laws().size());
     for (std::size_t l = 0; l < pictures.size(); ++l) {
       pictures[l].hypothesis = fit.laws[l].hypothesis;
     }
@@ -303,22 +548,35 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] std::vector<ResidualCurve> residual_curves(const ExtendedFit& fit) const override {
-    return residual_spectra(*family_, data_, state_of(fit));
+    return residual_spectra(hypotheses_.family(), data_, state_of(fit));
   }
 
   [[nodiscard]] std::optional<RivalExperiments> experiments_between(
       const ExtendedFit& a, const ExtendedFit& b) const override {
-    return rival_experiments(*family_, data_, state_of(a), state_of(b), options_.threads);
+    return rival_experiments(hypotheses_.family(), data_, state_of(a), state_of(b),
+                             options_.threads);
   }
 
  private:
+  [[nodiscard]] bool lacks_parameters(const ExtendedFit* nearby) const {
+    return nearby == nullptr ||
+           nearby->model_parameters.size() != hypotheses_.model_parameter_count();
+  }
+
+  void clear_with(const PeriodicFit& fit) {
+    constexpr double kAtRest = 0.1;  // standard errors
+    cleared_start_ =
+        fit_and_clear_transients(hypotheses_.family(), fit, reading_, how_to_fit(), kAtRest, data_)
+            .fit.parameters;
+  }
+
   // Far worse on recordings kept out than on its own: it may be in a valley that its recordings
   // hardly tell from the right one, with a parameter far off. Whatever the errors of its parameters
   // do there: in such valleys they are large.
   [[nodiscard]] bool is_doubtful(const PeriodicFit& fit) const {
     constexpr double kDoubt = 3.0;
     if (data_.validation.empty()) return false;
-    const ExtendedFit reported = report(data_, fit, {});
+    const ExtendedFit reported = report(fit, {});
     return validate(reported)->chi_square_per_dof() >
            kDoubt * std::max(1.0, reported.estimation.chi_square_per_dof());
   }
@@ -328,364 +586,42 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   // one is better its own recordings decide.
   void look_across_the_least_determined(PeriodicFit& fit) const {
     constexpr int kValues = 13;
-    const std::optional<Index> least = least_determined(fit);
+    const std::optional<Index> least = least_determined(hypotheses_.family(), fit);
     const VectorXd middle = fit.parameters;
     for (int i = 0; least && i < kValues; ++i) {
       VectorXd start = middle;
       start(*least) = start_(*least) * std::exp2(2.0 * i / (kValues - 1.0) - 1.0);
-      PeriodicFit other = fit_periodic(*family_, data_, {start}, fit.laws, how_to_fit());
+      PeriodicFit other =
+          fit_periodic(hypotheses_.family(), data_, {start}, fit.laws, how_to_fit());
       if (!other.converged || other.chi_square >= fit.chi_square) continue;
       other.start = fit.start;
       fit = std::move(other);
     }
   }
 
-  [[nodiscard]] std::optional<Index> least_determined(const PeriodicFit& fit) const {
-    const VectorXd errors = standard_errors(fit.information);
-    std::optional<Index> least;
-    double largest = 0.0;
-    for (Index p = 0; p < fit.parameters.size(); ++p) {
-      const double error = errors(p) / std::abs(fit.parameters(p));
-      if (!family_->parameters()[at(p)].positive || !(error > largest)) continue;
-      least = p;
-      largest = error;
-    }
-    return least;
-  }
-
-  // From the parameters of the fit nearby and those that the ranking found for the law, the best of
-  // them.
-  [[nodiscard]] ExtendedFit fit_from(const PeriodicData& data, const PeriodicFitOptions& how,
-                                     std::span<const LawStart> laws,
-                                     const ExtendedFit& nearby) const {
-    VectorXd start = start_;
-    std::vector<ActingLaw> acting = with_base_laws(laws);
-    take_model_parameters(nearby, start, acting);
-    std::vector<VectorXd> starts{start};
-    if (!laws.empty() && !laws.back().model_parameters.empty()) {
-      const std::vector<double>& other = laws.back().model_parameters;
-      starts.emplace_back(Eigen::Map<const VectorXd>(other.data(), start_.size()));
-    }
-    PeriodicFit best = fit_periodic(*family_, data, starts, acting, how);
-    if (!laws.empty()) begin_elsewhere(data, how, starts, acting, laws, best);
-    ExtendedFit result = report(data, best, laws);
-    // A model alone that is far off has its parameters far off, and its valleys need not be those
-    // of the law.
-    const bool is_near = result.usable && can_clear_with(result);
-    if (laws.empty() || !first_ || can_clear_with(nearby) || is_near) return result;
-    std::vector<VectorXd> early{start_};
-    if (first_->start.size() > 0 && first_->start != start_) early.push_back(first_->start);
-    const PeriodicFit afresh = can_free(data, acting.back())
-                                   ? fit_from_freed(data, how, early, acting)
-                                   : fit_periodic_if_near(*family_, data, early, acting, how);
-    const bool is_better =
-        afresh.converged && (!best.converged || afresh.chi_square < best.chi_square);
-    return is_better ? report(data, afresh, laws) : result;
-  }
-
-  // Where the law fits best without what refines it (a limit far above the motion with a corner
-  // that reaches down to it is another valley), at all its other valleys, and at its spare starts
-  // until one leads to a steady state.
-  void begin_elsewhere(const PeriodicData& data, const PeriodicFitOptions& how,
-                       const std::vector<VectorXd>& starts, std::vector<ActingLaw> acting,
-                       std::span<const LawStart> laws, PeriodicFit& best) const {
-    std::vector<VectorXd> from = starts;
-    double least = std::numeric_limits<double>::infinity();  // of all valleys
-    const auto take_if_better = [&](const std::vector<double>& parameters) {
-      acting.back().parameters = parameters;
-      PeriodicFitOptions rest = how;
-      if (best.converged) {
-        least = std::min(least, best.chi_square);
-        rest.to_beat = data.validation.empty() ? least : least + kUndecided;
-      }
-      PeriodicFit fit = fit_periodic(*family_, data, from, acting, rest);
-      if (is_better_valley(data, fit, best)) best = std::move(fit);
-    };
-    if (has_refinements(*acting.back().entry)) {
-      const PeriodicFit plain =
-          fit_periodic(*family_, data, starts, with_refinements_held(acting), how);
-      if (plain.has_steady_state) {
-        from = {plain.parameters};
-        take_if_better(plain.laws.back().parameters);
-        from = starts;
-      }
-    }
-    std::ranges::for_each(laws.back().others, take_if_better);
-    for (const std::vector<double>& spare : laws.back().spares) {
-      if (best.has_steady_state) break;
-      take_if_better(spare);
-    }
-  }
-
-  static constexpr double kUndecided = 10.0;  // of chi-square
-
-  // Valleys that the fit's recordings hardly tell from each other are told apart by those kept out,
-  // as laws are (FitComparison::held_out_difference): a motion that only grazes a limit says little
-  // of where that is. Not in a race, which knows none kept out.
-  [[nodiscard]] bool is_better_valley(const PeriodicData& data, const PeriodicFit& fit,
-                                      const PeriodicFit& than) const {
-    if (!fit.converged || !than.converged) return fit.converged;
-    const double difference = fit.chi_square - than.chi_square;
-    if (data.validation.empty() || std::abs(difference) > kUndecided || !is_another(fit, than)) {
-      return difference < 0.0;
-    }
-    const auto cost = [&](const PeriodicFit& each) {
-      const ModelState model =
-          evaluate_model(*family_, data, each.parameters, each.laws, true, options_.threads);
-      return graybox::predict_held_out(*family_, data, model, graybox::values_of(each),
-                                       options_.threads)
-          .cost.value_or(0.0);
-    };
-    const double of_fit = cost(fit), of_other = cost(than);
-    const double held_out = of_fit == of_other ? 0.0 : of_fit - of_other;  // both may be infinite
-    return difference + kHeldOutShare * held_out < 0.0;
-  }
-
-  // Farther away than its own errors allow.
-  [[nodiscard]] static bool is_another(const PeriodicFit& fit, const PeriodicFit& than) {
-    constexpr double kErrors = 3.0;
-    VectorXd change(than.information.rows());
-    Index k = than.parameters.size();
-    change.head(k) = fit.parameters - than.parameters;
-    for (std::size_t l = 0; l < than.laws.size(); ++l) {
-      for (std::size_t p = 0; p < than.laws[l].parameters.size(); ++p) {
-        change(k++) = fit.laws[l].parameters[p] - than.laws[l].parameters[p];
-      }
-    }
-    return change.dot(than.information * change) > kErrors * kErrors;
-  }
-
-  [[nodiscard]] PeriodicFit fit_from_freed(const PeriodicData& data, const PeriodicFitOptions& how,
-                                           const std::vector<VectorXd>& early,
-                                           const std::vector<ActingLaw>& laws) const {
-    const PeriodicFit& freed = freed_at(*laws.back().place, {laws.begin(), laws.end() - 1}, early);
-    if (!freed.converged) return freed;
-    return fit_periodic_after_freed(*family_, data, freed, laws.back(), how);
-  }
-
-  // Many laws share a place: its fit is kept.
-  const PeriodicFit& freed_at(const CandidatePlace& place, const std::vector<ActingLaw>& others,
-                              const std::vector<VectorXd>& early) const {
-    const auto is_same = [](const ActingLaw& a, const ActingLaw& b) {
-      return a.place == b.place && a.entry == b.entry && a.parameters == b.parameters;
-    };
-    for (const FreedFit& known : freed_fits_) {
-      if (known.place == &place && std::ranges::equal(known.others, others, is_same)) {
-        return known.fit;
-      }
-    }
-    freed_fits_.push_back(
-        {&place, others, freed_fit(*family_, data_, early, others, place.location, how_to_fit())});
-    return freed_fits_.back().fit;
-  }
-
-  [[nodiscard]] bool lacks_parameters(const ExtendedFit* nearby) const {
-    return nearby == nullptr || nearby->model_parameters.size() != model_parameter_count();
-  }
-
-  [[nodiscard]] std::vector<ActingLaw> with_base_laws(std::span<const LawStart> laws) const {
-    std::vector<ActingLaw> acting = base_laws_;
-    for (const LawStart& law : laws) {
-      acting.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.parameters, {}});
-    }
-    return acting;
-  }
-
-  [[nodiscard]] static bool can_clear_with(const ExtendedFit& fit) {
-    constexpr double kMisfit = 100.0;
-    return fit.estimation.chi_square_per_dof() <= kMisfit;
-  }
-
-  [[nodiscard]] static bool leaves_more_than_noise(const ExtendedFit& fit) {
-    constexpr double kNoNoise = 0.01;
-    const Assessment& rest = fit.estimation;
-    return chi_square_tail(rest.chi_square, rest.degrees_of_freedom) < kNoNoise;
-  }
-
-  // Beyond what a model without it takes out.
-  [[nodiscard]] static bool bends_free_motion(const ActingLaw& law) {
-    return law.place->location.kind == LocationKind::kElement &&
-           (law.entry->name == "mode" || has_varying_slopes(law));
-  }
-
-  // Mean logarithm of the standard deviations of lines, up to a constant.
-  [[nodiscard]] static double noise_level(const PeriodicData& data) {
-    double sum = 0.0, count = 0.0;
-    for (const auto& group : data.whitening) {
-      for (Index k = data.first_line; k <= data.last_line; ++k) {
-        const MatrixXcd& whitening = group[at(k)];
-        sum -= std::log(std::abs(whitening.determinant()));
-        count += static_cast<double>(whitening.rows());
-      }
-    }
-    return sum / count;
-  }
-
-  void clear_with(const PeriodicFit& fit) {
-    constexpr double kAtRest = 0.1;  // standard errors
-    cleared_start_ = fit_and_clear_transients(*family_, fit, reading_, how_to_fit(), kAtRest, data_)
-                         .fit.parameters;
-  }
-
-  void list_base_laws() {
-    const std::vector<Element>& elements = family_->elements();
-    base_places_ = std::make_shared<std::vector<CandidatePlace>>(elements.size());
-    for (std::size_t e = 0; e < elements.size(); ++e) {
-      CandidatePlace& place = (*base_places_)[e];
-      place.location = elements[e].location;
-      place.shifts_rest = family_->shifts_rest(elements[e].location);
-      const bool is_signal = elements[e].location.kind != LocationKind::kElement;
-      const LawEntry* entry = find_law(elements[e].law_name, is_signal);
-      require_one_state(*entry);
-      base_laws_.push_back({&place, entry, elements[e].parameters, elements[e].fixed});
-      base_names_.push_back(elements[e].name);
-    }
-  }
-
-  void list_hypotheses() {
-    std::set<std::size_t> positions;
-    for (const MeasuredRecord& record : data_.estimation) positions.insert(record.position);
-    for (const CandidatePlace& place : family_->places()) {
-      for (const LawEntry* entry : hypothetical_laws(place, positions.size())) {
-        add_hypothesis(place, *entry);
-        const LawEntry* twin = twin_of(*entry, place, positions.size());
-        if (twin == nullptr) continue;
-        hypotheses_.back().twins = {hypotheses_.size()};
-        add_hypothesis(place, *twin);
-        hypotheses_.back().only_named = true;
-      }
-    }
-  }
-
-  void add_hypothesis(const CandidatePlace& place, const LawEntry& entry) {
-    require_one_state(entry);
-    hypotheses_.push_back(
-        {place.location.name, place.yaml, entry.name, special_cases_of(entry, true)});
-    hypotheses_.back().characteristic = characteristic_of(entry, place);
-    places_.push_back(&place);
-    entries_.push_back(&entry);
-  }
-
-  [[nodiscard]] std::size_t model_parameter_count() const {
-    std::size_t count = family_->parameters().size();
-    for (const ActingLaw& law : base_laws_) count += law.parameters.size();
-    return count;
-  }
-
-  void take_model_parameters(const ExtendedFit& fit, VectorXd& parameters,
-                             std::vector<ActingLaw>& laws) const {
-    std::size_t k = 0;
-    for (double& value : parameters) value = fit.model_parameters[k++].value;
-    for (std::size_t l = 0; l < base_laws_.size(); ++l) {
-      for (double& value : laws[l].parameters) value = fit.model_parameters[k++].value;
-    }
+  [[nodiscard]] PeriodicLawFits fits() const {
+    return {hypotheses_, data_, how_to_fit(), start_, first_, freed_fits_};
   }
 
   [[nodiscard]] ModelState state_of(const ExtendedFit& fit) const {
     VectorXd parameters = start_;
-    std::vector<ActingLaw> laws = base_laws_;
-    take_model_parameters(fit, parameters, laws);
-    for (const FittedLaw& law : fit.laws) {
-      laws.push_back({places_[law.hypothesis], entries_[law.hypothesis], law.values(), {}});
-    }
-    return evaluate_model(*family_, data_, parameters, std::move(laws), true, options_.threads);
+    std::vector<ActingLaw> laws = hypotheses_.laws_of(fit);
+    hypotheses_.take_model_parameters(fit, parameters, laws);
+    return evaluate_model(hypotheses_.family(), data_, parameters, std::move(laws), true,
+                          options_.threads);
   }
 
-  // Of the model's parameters, then of the laws'.
-  [[nodiscard]] static VectorXd values_of(const ExtendedFit& fit) {
-    std::vector<double> values;
-    for (const LawParameterEstimate& each : fit.model_parameters) values.push_back(each.value);
-    for (const FittedLaw& law : fit.laws) {
-      for (const LawParameterEstimate& each : law.parameters) values.push_back(each.value);
-    }
-    return Eigen::Map<const VectorXd>(values.data(), static_cast<Index>(values.size()));
-  }
-
-  [[nodiscard]] ExtendedFit report(const PeriodicData& data, const PeriodicFit& fitted,
+  [[nodiscard]] ExtendedFit report(const PeriodicFit& fitted,
                                    std::span<const LawStart> laws) const {
-    ExtendedFit result;
-    result.usable = fitted.converged;
-    result.trouble = fitted.trouble;
-    if (fitted.parameters.size() == 0) return result;
-    result.parameter_count = static_cast<std::size_t>(fitted.information.rows());
-    const VectorXd errors = standard_errors(fitted);
-    Index k = 0;
-    for (const ModelParameter& parameter : family_->parameters()) {
-      result.model_parameters.push_back(
-          {parameter.name, parameter.unit, fitted.parameters(k), errors(k)});
-      ++k;
-    }
-    for (std::size_t l = 0; l < fitted.laws.size(); ++l) {
-      const ActingLaw& law = fitted.laws[l];
-      const bool is_base = l < base_laws_.size();
-      if (!is_base) result.laws.push_back({laws[l - base_laws_.size()].hypothesis, {}});
-      for (std::size_t p = 0; p < law.parameters.size(); ++p, ++k) {
-        LawParameterEstimate estimate = estimate_of(
-            law.entry->parameters[p], law.place->location.units, law.parameters[p], errors(k));
-        if (is_base) {  // whoever states a law knows its sizes
-          estimate.name = base_names_[l] + "." + estimate.name;
-          estimate.standard_error = errors(k);
-          estimate.conditional_error = std::numeric_limits<double>::quiet_NaN();
-          estimate.sets_scale = estimate.sets_scale && is_fixed(law, p);
-        }
-        if (is_fixed(law, p)) --result.parameter_count;
-        (is_base ? result.model_parameters : result.laws.back().parameters).push_back(estimate);
-      }
-    }
-    result.deviance = fitted.chi_square;
-    result.laws_information = information_of_laws(fitted, result.model_parameters.size());
-    result.estimation = assess_records(
-        *family_, data_,
-        evaluate_model(*family_, data_, fitted.parameters, fitted.laws, false, options_.threads),
-        data.estimation, result.parameter_count, options_.threads);
-    return result;
+    return assessed(hypotheses_, data_, data_, fitted, laws, options_.threads);
   }
 
-  // log det(1 + D S D) of the parameters after those of the model (ExtendedFit::laws_information).
-  static double information_of_laws(const PeriodicFit& fitted, std::size_t model_parameters) {
-    const auto own = static_cast<Index>(model_parameters);
-    const Index count = fitted.information.rows() - own;
-    if (count == 0) return 0.0;
-    VectorXd values(count);
-    Index k = -own;
-    for (const double value : fitted.parameters) {
-      if (k >= 0) values(k) = value;
-      ++k;
-    }
-    for (const ActingLaw& law : fitted.laws) {
-      for (const double value : law.parameters) {
-        if (k >= 0) values(k) = value;
-        ++k;
-      }
-    }
-    MatrixXd information = fitted.information.bottomRightCorner(count, count);
-    if (own > 0) {
-      const MatrixXd cross = fitted.information.topRightCorner(own, count);
-      information -=
-          cross.transpose() * solve_information(fitted.information.topLeftCorner(own, own), cross);
-    }
-    return log_determinant_with_prior(information, values);
-  }
-
-  // Far beyond any level of detection, so that a motion that holds noise of the residuals is taken
-  // only where tests of single hypotheses no longer decide whether anything is missing.
-  static bool is_clearly_wrong(const ExtendedFit& fit) {
-    constexpr double kLevel = 1e-6;
-    return chi_square_tail(fit.estimation.chi_square, fit.estimation.degrees_of_freedom) < kLevel;
-  }
-
-  // Shared with renewed problems, whose hypotheses point into it.
-  std::shared_ptr<const PlantFamily> family_;
   PeriodicData data_;
   PeriodicDataOptions reading_;
   PeriodicMismatchOptions options_;
+  PeriodicHypotheses hypotheses_;
   VectorXd start_;
   std::vector<ChannelFault> faults_;
-  struct FreedFit {
-    const CandidatePlace* place;
-    std::vector<ActingLaw> others;
-    PeriodicFit fit;
-  };
   mutable std::deque<FreedFit> freed_fits_;
   struct KnownPrediction {
     std::vector<std::size_t> laws;  // hypotheses
@@ -696,12 +632,6 @@ class Problem : public MismatchProblem, public PhysicalEvidence {
   std::vector<std::size_t> telling_;       // telling_recordings() at the start
   std::optional<PeriodicFit> first_;       // of the model as it is, transients not cleared with it
   std::optional<VectorXd> cleared_start_;  // that the transients were cleared with
-  std::shared_ptr<std::vector<CandidatePlace>> base_places_;
-  std::vector<ActingLaw> base_laws_;
-  std::vector<std::string> base_names_;
-  std::vector<Hypothesis> hypotheses_;
-  std::vector<const CandidatePlace*> places_;  // of each hypothesis
-  std::vector<const LawEntry*> entries_;
 };
 
 }  // namespace
@@ -715,7 +645,8 @@ std::unique_ptr<MismatchProblem> periodic_mismatch_problem(const std::filesystem
   reading.model_accuracy = options.model_accuracy;
   reading.threads = options.threads;
   PeriodicData data = read_periodic_data(campaign, *family, reading);
-  auto problem = std::make_unique<Problem>(std::move(family), std::move(data), reading, options);
+  auto problem =
+      std::make_unique<PeriodicProblem>(std::move(family), std::move(data), reading, options);
   problem->clear_transients();
   return problem;
 }

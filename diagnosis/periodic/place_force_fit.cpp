@@ -10,6 +10,7 @@
 
 #include "diagnosis/estimation/quiet_ceres.hpp"
 #include "diagnosis/harmonic_balance/steady_state.hpp"
+#include "diagnosis/periodic/periodic_evaluation.hpp"
 #include "problems/base/array_index.hpp"
 #include "problems/base/error.hpp"
 

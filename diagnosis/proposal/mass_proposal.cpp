@@ -67,31 +67,8 @@ class MassProposal {
       const bool is_time = column.name == draft_.time.column && column.file == draft_.time.file;
       if (!is_time && column.words.quantity != LogQuantity::kTime) columns_.push_back(&column);
     }
-    if (draft_.time.sample_time > 0.0) {
-      guess(
-          "time",
-          draft_.time.column.empty()
-              ? "no column"
-              : fmt::format("'{}' in {}", draft_.time.column, draft_.time.unit),
-          fmt::format("{}; {}samples every {:g} s", draft_.time.why,
-                      draft_.time.is_even ? "" : "uneven, resampled to ", draft_.time.sample_time));
-    } else if (draft_.time.column.empty()) {
-      proposal_.questions.push_back(
-          {OpenQuestion::Kind::kSampleTime,
-           "How many seconds lie between samples? No column has the time.",
-           "--sample-time S",
-           {}});
-    } else {
-      OpenQuestion question;
-      question.text = draft_.time.question();
-      question.option = fmt::format("--column '{}=time:ms', say", draft_.time.column);
-      for (const char* unit : {"s", "ms", "us", "ns"}) {
-        question.choices.push_back({unit, {fmt::format("{}=time:{}", draft_.time.column, unit)}});
-      }
-      question.choices.push_back(
-          {"it numbers samples", {fmt::format("{}=ignore", draft_.time.column)}});
-      proposal_.questions.push_back(question);
-    }
+    const AnswerChoice counts{"it numbers samples", {fmt::format("{}=ignore", draft_.time.column)}};
+    propose_time(draft_.time, {counts}, proposal_);
   }
 
   // Columns that move and of which no one knows what they are.

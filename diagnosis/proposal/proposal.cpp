@@ -145,6 +145,33 @@ ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecord
 
 }  // namespace
 
+void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
+                  ModelProposal& proposal) {
+  if (time.sample_time > 0.0) {
+    proposal.guesses.push_back(
+        {"time",
+         time.column.empty() ? "no column" : fmt::format("'{}' in {}", time.column, time.unit),
+         fmt::format("{}; {}samples every {:g} s", time.why,
+                     time.is_even ? "" : "uneven, resampled to ", time.sample_time)});
+    return;
+  }
+  if (time.column.empty()) {
+    proposal.questions.push_back({OpenQuestion::Kind::kSampleTime,
+                                  "How many seconds lie between samples? No column has the time.",
+                                  "--sample-time S",
+                                  {}});
+    return;
+  }
+  OpenQuestion question;
+  question.text = time.question();
+  question.option = fmt::format("--column '{}=time:ms', say", time.column);
+  for (const char* unit : {"s", "ms", "us", "ns"}) {
+    question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});
+  }
+  question.choices.insert(question.choices.end(), others.begin(), others.end());
+  proposal.questions.push_back(question);
+}
+
 ModelProposal propose_model(const ProposalRequest& request) {
   std::vector<std::string> remarks;
   std::vector<LogRecording> recordings = read_logs(request.logs, request.columns, &remarks);

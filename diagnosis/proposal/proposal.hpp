@@ -70,6 +70,11 @@ struct ModelProposal {
   bool is_too_short = false;  // a diagnosis by prediction error would refuse it, a fit would not
 };
 
+// What a proposal says of its times: a guess, or a question where they are open. `others`: what a
+// column of times without a unit may be besides.
+void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
+                  ModelProposal& proposal);
+
 // Throws InputError for files that can't be read, for times that don't rise, for logs without any
 // column that could be motion or drive, and for joints that the URDF and the log don't share.
 [[nodiscard]] ModelProposal propose_model(const ProposalRequest& request);

@@ -35,116 +35,34 @@ std::string channel_name(const std::string& quantity, const std::string& joint) 
   return name;
 }
 
-class RobotProposal {
+// A robot with the log of its joints: which columns are whose, and the joints that move and are
+// logged.
+class LoggedRobot {
  public:
-  RobotProposal(const ProposalRequest& request, const std::vector<LogRecording>& recordings)
-      : request_(request),
-        recordings_(recordings),
-        log_(recordings.front()),
-        joints_(read_urdf_tree(request.urdf)),
-        families_(column_families(log_, joints_)) {}
+  LoggedRobot(const ProposalRequest& request, const LogRecording& log)
+      : request_(request), log_(log), joints_(read_urdf_tree(request.urdf)) {}
 
-  ModelProposal run() {
-    find_times();
-    positions_ = choose(families_of(families_, LogQuantity::kPosition), "position");
-    forces_ = choose(families_of_drive(families_), "torque, effort or current");
-    if (proposal_.questions.empty() || (positions_ != nullptr && forces_ != nullptr)) {
-      choose_chain();
-      choose_units();
-      check_limits();
-    }
-    draft_campaign();
-    proposal_.model_text = model();
-    proposal_.campaign_text = campaign_text(draft_, recordings_, request_.folder);
-    return std::move(proposal_);
-  }
-
- private:
-  void guess(const std::string& subject, const std::string& value, const std::string& reason) {
-    proposal_.guesses.push_back({subject, value, reason});
-  }
+  [[nodiscard]] const std::vector<UrdfJoint>& joints() const { return joints_; }
+  [[nodiscard]] const std::vector<std::size_t>& chain() const { return chain_; }
   [[nodiscard]] std::string urdf_name() const { return request_.urdf.string(); }
+  [[nodiscard]] std::string base() const {
+    return request_.base.empty() ? joints_[first_].parent : request_.base;
+  }
+  [[nodiscard]] std::string tip() const { return joints_[chain_.back()].child; }
 
-  void find_times() {
-    draft_.time = find_time(log_, request_.sample_time);
-    const LogTime& time = draft_.time;
-    if (time.sample_time > 0.0) {
-      guess("time",
-            time.column.empty() ? "no column" : fmt::format("'{}' in {}", time.column, time.unit),
-            fmt::format("{}; {}samples every {:g} s", time.why,
-                        time.is_even ? "" : "uneven, resampled to ", time.sample_time));
-      return;
-    }
-    if (time.column.empty()) {
-      proposal_.questions.push_back(
-          {OpenQuestion::Kind::kSampleTime,
-           "How many seconds lie between samples? No column has the time.",
-           "--sample-time S",
-           {}});
-      return;
-    }
-    OpenQuestion question;
-    question.text = time.question();
-    question.option = fmt::format("--column '{}=time:ms', say", time.column);
-    for (const char* unit : {"s", "ms", "us", "ns"}) {
-      question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});
-    }
-    proposal_.questions.push_back(question);
+  void set_columns(const ColumnFamily* positions, const ColumnFamily* forces) {
+    positions_ = positions;
+    forces_ = forces;
+  }
+  [[nodiscard]] const LogColumn& position(std::size_t joint) const {
+    return *positions_->columns.at(joint);
+  }
+  [[nodiscard]] const LogColumn& force(std::size_t joint) const {
+    return *forces_->columns.at(joint);
   }
 
-  const ColumnFamily* choose(const std::vector<const ColumnFamily*>& list,
-                             const std::string& what) {
-    if (list.empty()) {
-      std::string names;
-      for (const UrdfJoint& joint : joints_) {
-        if (joint.moves) names += (names.empty() ? "" : ", ") + joint.name;
-      }
-      throw InputError(fmt::format(
-          "{}: no columns are the {} of joints of {} ({}); say so by --column NAME={}@JOINT",
-          log_.files.front().string(), what, urdf_name(), names,
-          what == "position" ? "position" : "torque"));
-    }
-    if (list.size() == 1) return list.front();
-    OpenQuestion question;
-    for (const ColumnFamily* family : list) {
-      question.text += fmt::format("{}'{}'", question.text.empty() ? "" : ", ", family->pattern);
-      AnswerChoice choice{family->pattern, {}};
-      for (const ColumnFamily* other : list) {
-        if (other != family) choice.columns.push_back(other->pattern + "=ignore");
-      }
-      question.choices.push_back(choice);
-    }
-    question.text = fmt::format("Which columns are the {} of the joints: {}?", what, question.text);
-    question.option = fmt::format("--column '{}=ignore', say", list.back()->pattern);
-    proposal_.questions.push_back(question);
-    return list.front();
-  }
-
-  // "'tau_1' to 'tau_6'", of the joints in the chain.
-  [[nodiscard]] std::string range_of(const ColumnFamily& family) const {
-    return fmt::format("'{}' to '{}'", family.columns.at(chain_.front())->name,
-                       family.columns.at(chain_.back())->name);
-  }
-
-  // ---- the chain -------------------------------------------------------------------------------
-
-  [[nodiscard]] bool is_usable(std::size_t joint) const {
-    const auto force = forces_->columns.find(joint);
-    return joints_[joint].moves && positions_->columns.contains(joint) &&
-           force != forces_->columns.end() && force->second->moves();
-  }
-
-  // Joints from the root to this one.
-  [[nodiscard]] std::vector<std::size_t> path_to(std::size_t joint) const {
-    std::vector<std::size_t> path{joint};
-    for (std::size_t k = joint; k-- > 0;) {
-      if (joints_[k].child == joints_[path.back()].parent) path.push_back(k);
-    }
-    std::ranges::reverse(path);
-    return path;
-  }
-
-  void choose_chain() {
+  // Sets the chain; joints that are logged and not in it. Throws InputError where there is none.
+  std::vector<std::size_t> choose_chain() {
     std::vector<std::size_t> best;
     std::size_t most = 0;
     std::set<std::size_t> usable;
@@ -165,21 +83,77 @@ class RobotProposal {
           request_.tip.empty() ? "" : fmt::format(" before link '{}' (--tip)", request_.tip)));
     }
     take_chain(best);
+    std::vector<std::size_t> aside;
     for (const std::size_t joint : usable) {
-      if (std::ranges::find(chain_, joint) == chain_.end()) {
-        proposal_.notes.push_back(fmt::format(
-            "joint {} is logged and not in the chain: locked at zero", joints_[joint].name));
-      }
+      if (std::ranges::find(chain_, joint) == chain_.end()) aside.push_back(joint);
     }
-    guess("joints",
-          fmt::format("{}, {} to {}", chain_.size(), joints_[chain_.front()].name,
-                      joints_[chain_.back()].name),
-          fmt::format("position and force are logged; all others of {} are locked at zero",
-                      request_.urdf.filename().string()));
+    return aside;
+  }
+
+  // Whether all positions lie within their limits if they are in that unit.
+  [[nodiscard]] bool fits_limits(const std::string& rotary_unit) const {
+    for (const std::size_t joint : chain_) {
+      const UrdfJoint& each = joints_[joint];
+      if (each.is_prismatic || !(each.upper > each.lower)) continue;
+      const Eigen::VectorXd q =
+          find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
+      const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
+      if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
+    }
+    return true;
+  }
+
+  // The recorded torque over the links' weight, of the joint that carries most; 0 if it can't be
+  // told.
+  [[nodiscard]] double share_of_weight(const std::string& rotary_unit) const {
+    const UrdfChain links = read_urdf_joints(request_.urdf, base(), tip());
+    const bool any_prismatic =
+        std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
+    if (any_prismatic || links.joints.size() != chain_.size()) return 0.0;
+    const RigidChain chain(links.joints, gravity());
+    RigidChainEvaluator evaluator(chain);
+    const auto n = static_cast<Eigen::Index>(chain_.size());
+    Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const std::size_t joint = chain_[static_cast<std::size_t>(j)];
+      q.col(j) = find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
+      const Unit* unit = find_unit(force(joint).words.unit);
+      torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
+    }
+    Eigen::VectorXd weight = Eigen::VectorXd::Zero(n), recorded = weight;
+    const Eigen::Index step = std::max<Eigen::Index>(1, log_.samples() / 100);
+    for (Eigen::Index k = 0; k < log_.samples(); k += step) {
+      weight += evaluator.gravity_torque(q.row(k).transpose()).cwiseAbs2();
+      recorded += torque.row(k).transpose().cwiseAbs2();
+    }
+    Eigen::Index most = 0;
+    return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
+  }
+
+  // m/s^2, in the base link's axes.
+  [[nodiscard]] Eigen::Vector3d gravity() const {
+    return joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
+  }
+
+ private:
+  [[nodiscard]] bool is_usable(std::size_t joint) const {
+    const auto force = forces_->columns.find(joint);
+    return joints_[joint].moves && positions_->columns.contains(joint) &&
+           force != forces_->columns.end() && force->second->moves();
+  }
+
+  // Joints from the root to this one.
+  [[nodiscard]] std::vector<std::size_t> path_to(std::size_t joint) const {
+    std::vector<std::size_t> path{joint};
+    for (std::size_t k = joint; k-- > 0;) {
+      if (joints_[k].child == joints_[path.back()].parent) path.push_back(k);
+    }
+    std::ranges::reverse(path);
+    return path;
   }
 
   void take_chain(const std::vector<std::size_t>& path) {
-    bool began = request_.base.empty() ? false : true;
+    bool began = !request_.base.empty();
     bool in_range = request_.base.empty();
     for (const std::size_t joint : path) {
       if (!in_range && joints_[joint].parent != request_.base) continue;
@@ -213,27 +187,147 @@ class RobotProposal {
         "{}: no link of the logged joints has a mass; take a URDF with <inertial>", urdf_name()));
   }
 
-  // ---- units -----------------------------------------------------------------------------------
+  const ProposalRequest& request_;
+  const LogRecording& log_;
+  std::vector<UrdfJoint> joints_;
+  const ColumnFamily* positions_ = nullptr;
+  const ColumnFamily* forces_ = nullptr;
+  std::vector<std::size_t> chain_;  // joints that move and are logged, from the base on
+  std::size_t first_ = 0;           // the joint whose parent link is the base
+};
 
-  [[nodiscard]] const LogColumn& position(std::size_t joint) const {
-    return *positions_->columns.at(joint);
+// "[0, 0, -9.81]"
+std::string gravity_text(const Eigen::Vector3d& gravity) {
+  std::vector<std::string> parts;
+  for (const double each : gravity) {
+    parts.push_back(fmt::format("{:.6g}", std::abs(each) < 1e-9 ? 0.0 : each));
   }
-  [[nodiscard]] const LogColumn& force(std::size_t joint) const {
-    return *forces_->columns.at(joint);
-  }
+  return fmt::format("[{}]", fmt::join(parts, ", "));
+}
 
-  // Whether all positions lie within their limits if they are in that unit.
-  [[nodiscard]] bool fits_limits(const std::string& rotary_unit) const {
-    for (const std::size_t joint : chain_) {
-      const UrdfJoint& each = joints_[joint];
-      if (each.is_prismatic || !(each.upper > each.lower)) continue;
-      const Eigen::VectorXd q =
-          find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
-      const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
-      if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
+// What decides the text of a model besides its joints.
+struct ModelDoubts {
+  bool gains_known = true, beyond_limits = false;
+};
+
+std::string robot_model_text(const ProposalRequest& request, const LoggedRobot& robot,
+                             const ModelDoubts& doubts) {
+  std::string text = fmt::format(
+      "# Proposed by `{}`: rigid links as the URDF has them, without friction.\n", request.command);
+  text += "format: graybox-rigid-robot/1\n";
+  if (robot.chain().empty()) return text + "# ANSWER: first the questions of campaign.yaml\n";
+  std::filesystem::path urdf = request.urdf;
+  if (urdf.is_relative()) {
+    urdf = std::filesystem::proximate(urdf, request.folder.empty() ? "." : request.folder);
+  }
+  text += fmt::format("gravity: {:<37} # m/s^2, in the base link's axes\n",
+                      gravity_text(robot.gravity()));
+  text += fmt::format("urdf: {}\nbase: {}\ntip: {}\njoints:\n", in_quotes(urdf.string()),
+                      in_quotes(robot.base()), in_quotes(robot.tip()));
+  std::vector<std::string> forces, positions;
+  for (const std::size_t joint : robot.chain()) {
+    const std::string& name = robot.joints()[joint].name;
+    text += fmt::format(
+        "  - {{name: {}, gear_ratio: 1, rotor_inertia: unknown}}{}\n", in_quotes(name),
+        doubts.beyond_limits ? "  # ANSWER: is the log of motors? Then their gear ratio" : "");
+    forces.push_back(channel_name("force", name));
+    positions.push_back(channel_name("position", name));
+  }
+  text += fmt::format("channels:\n  torque: [{}]\n  torque_of: arm\n", fmt::join(forces, ", "));
+  text += fmt::format("  drive_gains: {:<30} # {}\n", doubts.gains_known ? "known" : "unknown",
+                      doubts.gains_known ? "the titles state newton metres" : "estimated");
+  text += fmt::format("  position: [{}]\n  position_of: arm\n", fmt::join(positions, ", "));
+  return text;
+}
+
+// A unit that a title states and the quantity can't have.
+void refuse_odd_unit(const LogColumn& column, const char* quantity, const char* unit) {
+  if (column.words.odd_unit.empty()) return;
+  throw InputError(fmt::format(
+      "{}: column '{}': '{}' is no unit of a {} that is known ({}): say --column '{}={}:{}'",
+      column.file_name, column.name, column.words.odd_unit, quantity,
+      known_units_of(column.words.quantity), column.name, quantity, unit));
+}
+
+class RobotProposal {
+ public:
+  RobotProposal(const ProposalRequest& request, const std::vector<LogRecording>& recordings)
+      : request_(request),
+        recordings_(recordings),
+        log_(recordings.front()),
+        robot_(request, log_),
+        families_(column_families(log_, robot_.joints())) {}
+
+  ModelProposal run() {
+    draft_.time = find_time(log_, request_.sample_time);
+    propose_time(draft_.time, {}, proposal_);
+    positions_ = choose(families_of(families_, LogQuantity::kPosition), "position");
+    forces_ = choose(families_of_drive(families_), "torque, effort or current");
+    robot_.set_columns(positions_, forces_);
+    if (proposal_.questions.empty() || (positions_ != nullptr && forces_ != nullptr)) {
+      choose_chain();
+      choose_units();
+      check_limits();
     }
-    return true;
+    draft_campaign();
+    proposal_.model_text = robot_model_text(request_, robot_, doubts_);
+    proposal_.campaign_text = campaign_text(draft_, recordings_, request_.folder);
+    return std::move(proposal_);
   }
+
+ private:
+  void guess(const std::string& subject, const std::string& value, const std::string& reason) {
+    proposal_.guesses.push_back({subject, value, reason});
+  }
+
+  const ColumnFamily* choose(const std::vector<const ColumnFamily*>& list,
+                             const std::string& what) {
+    if (list.empty()) {
+      std::string names;
+      for (const UrdfJoint& joint : robot_.joints()) {
+        if (joint.moves) names += (names.empty() ? "" : ", ") + joint.name;
+      }
+      throw InputError(fmt::format(
+          "{}: no columns are the {} of joints of {} ({}); say so by --column NAME={}@JOINT",
+          log_.files.front().string(), what, robot_.urdf_name(), names,
+          what == "position" ? "position" : "torque"));
+    }
+    if (list.size() == 1) return list.front();
+    OpenQuestion question;
+    for (const ColumnFamily* family : list) {
+      question.text += fmt::format("{}'{}'", question.text.empty() ? "" : ", ", family->pattern);
+      AnswerChoice choice{family->pattern, {}};
+      for (const ColumnFamily* other : list) {
+        if (other != family) choice.columns.push_back(other->pattern + "=ignore");
+      }
+      question.choices.push_back(choice);
+    }
+    question.text = fmt::format("Which columns are the {} of the joints: {}?", what, question.text);
+    question.option = fmt::format("--column '{}=ignore', say", list.back()->pattern);
+    proposal_.questions.push_back(question);
+    return list.front();
+  }
+
+  // "'tau_1' to 'tau_6'", of the joints in the chain.
+  [[nodiscard]] std::string range_of(const ColumnFamily& family) const {
+    return fmt::format("'{}' to '{}'", family.columns.at(robot_.chain().front())->name,
+                       family.columns.at(robot_.chain().back())->name);
+  }
+
+  void choose_chain() {
+    for (const std::size_t joint : robot_.choose_chain()) {
+      proposal_.notes.push_back(fmt::format(
+          "joint {} is logged and not in the chain: locked at zero", robot_.joints()[joint].name));
+    }
+    guess("joints",
+          fmt::format("{}, {} to {}", robot_.chain().size(),
+                      robot_.joints()[robot_.chain().front()].name,
+                      robot_.joints()[robot_.chain().back()].name),
+          fmt::format("position and force are logged; all others of {} are locked at zero",
+                      request_.urdf.filename().string()));
+  }
+
+  // ---- units -----------------------------------------------------------------------------------
 
   void choose_units() {
     const MotionContext context{
@@ -242,9 +336,9 @@ class RobotProposal {
         families_of(families_, LogQuantity::kVelocity);
     std::set<std::string> found;
     std::string why, note;
-    for (const std::size_t joint : chain_) {
-      if (joints_[joint].is_prismatic) continue;
-      std::vector<const LogColumn*> columns{&position(joint)};
+    for (const std::size_t joint : robot_.chain()) {
+      if (robot_.joints()[joint].is_prismatic) continue;
+      std::vector<const LogColumn*> columns{&robot_.position(joint)};
       if (velocities.size() == 1 && velocities.front()->columns.contains(joint)) {
         columns.push_back(velocities.front()->columns.at(joint));
       }
@@ -252,7 +346,7 @@ class RobotProposal {
       if (!choice.notes.empty() && note.empty()) note = choice.notes.front();
       if (choice.column == nullptr || choice.is_velocity || choice.unit == "counts") continue;
       if (!choice.questions.empty() && !choice.questions.front().choices.empty() &&
-          !position(joint).words.unit.empty()) {
+          !robot_.position(joint).words.unit.empty()) {
         proposal_.questions.push_back(choice.questions.front());
         return;
       }
@@ -263,12 +357,12 @@ class RobotProposal {
       why = choice.unit_reason;
     }
     if (!note.empty()) {
-      proposal_.notes.push_back(note + (chain_.size() > 1 ? " (and others alike)" : ""));
+      proposal_.notes.push_back(note + (robot_.chain().size() > 1 ? " (and others alike)" : ""));
     }
     if (found.size() == 1) {
       rotary_unit_ = *found.begin();
       unit_reason_ = why;
-    } else if (!fits_limits("rad") && fits_limits("deg")) {
+    } else if (!robot_.fits_limits("rad") && robot_.fits_limits("deg")) {
       rotary_unit_ = "deg";
       unit_reason_ = "in radians they would leave the URDF's limits";
     } else {
@@ -281,7 +375,7 @@ class RobotProposal {
         forces_->by_number ? "numbers count the joints" : "joints' names in the titles";
     guess("positions", fmt::format("{} in {}", range_of(*positions_), rotary_unit_),
           fmt::format("{}; {}", prefix, unit_reason_));
-    if (fits_limits(rotary_unit_)) return;
+    if (robot_.fits_limits(rotary_unit_)) return;
     proposal_.questions.push_back(
         {OpenQuestion::Kind::kInFile,
          fmt::format(
@@ -290,28 +384,17 @@ class RobotProposal {
              positions_->pattern, rotary_unit_, rotary_unit_),
          fmt::format("--column '{}=position:deg', say", positions_->pattern),
          {}});
-    beyond_limits_ = true;
+    doubts_.beyond_limits = true;
   }
 
   // ---- the campaign ----------------------------------------------------------------------------
 
-  [[nodiscard]] bool is_complete() const { return !chain_.empty(); }
-
   [[nodiscard]] std::string unit_of_force(std::size_t joint) const {
-    return joints_[joint].is_prismatic ? "N" : "N m";
-  }
-
-  // A unit that a title states and the quantity can't have.
-  static void refuse_odd_unit(const LogColumn& column, const char* quantity, const char* unit) {
-    if (column.words.odd_unit.empty()) return;
-    throw InputError(fmt::format(
-        "{}: column '{}': '{}' is no unit of a {} that is known ({}): say --column '{}={}:{}'",
-        column.file_name, column.name, column.words.odd_unit, quantity,
-        known_units_of(column.words.quantity), column.name, quantity, unit));
+    return robot_.joints()[joint].is_prismatic ? "N" : "N m";
   }
 
   void add_force(std::size_t joint) {
-    const LogColumn& column = force(joint);
+    const LogColumn& column = robot_.force(joint);
     refuse_odd_unit(column, "torque", "N m");
     const std::string base = unit_of_force(joint);
     std::string unit = column.words.unit;
@@ -320,7 +403,7 @@ class RobotProposal {
     if (is_force && known->base != base) unit = base;
     std::string gain, comment;
     if (!is_force) {
-      gains_known_ = false;
+      doubts_.gains_known = false;
       if (unit.empty() && column.words.quantity == LogQuantity::kForce) {
         unit = base;
         comment = "its unit is not stated";
@@ -330,7 +413,7 @@ class RobotProposal {
                            in_quotes(base + "/" + unit));
       }
     }
-    const std::string name = channel_name("force", joints_[joint].name);
+    const std::string name = channel_name("force", robot_.joints()[joint].name);
     if (std::ranges::find(request_.reversed, column.name) != request_.reversed.end()) {
       const Unit* written = is_force ? find_unit(unit) : nullptr;
       const double size = (written == nullptr ? 1.0 : written->factor) * column.words.unit_factor;
@@ -342,11 +425,12 @@ class RobotProposal {
   }
 
   void add_position(std::size_t joint) {
-    const LogColumn& column = position(joint);
+    const LogColumn& column = robot_.position(joint);
     refuse_odd_unit(column, "position", "rad");
     std::string unit = rotary_unit_;
-    if (joints_[joint].is_prismatic) unit = column.words.unit.empty() ? "m" : column.words.unit;
-    const std::string name = channel_name("position", joints_[joint].name);
+    if (robot_.joints()[joint].is_prismatic)
+      unit = column.words.unit.empty() ? "m" : column.words.unit;
+    const std::string name = channel_name("position", robot_.joints()[joint].name);
     const Unit* known = find_unit(unit);
     const double turn = known->base == "rad" ? 2.0 * std::numbers::pi / known->factor : 0.0;
     if (without_wraps(without_gaps(column.values), turn).second)
@@ -358,10 +442,10 @@ class RobotProposal {
     draft_.heading = fmt::format("# Proposed by `{}`. Change what is wrong.\n", request_.command);
     if (!draft_.time.is_even) draft_.hold = "first";
     std::vector<const LogColumn*> decisive;
-    for (const std::size_t joint : chain_) add_force(joint);
-    for (const std::size_t joint : chain_) {
+    for (const std::size_t joint : robot_.chain()) add_force(joint);
+    for (const std::size_t joint : robot_.chain()) {
       add_position(joint);
-      decisive.push_back(&position(joint));
+      decisive.push_back(&robot_.position(joint));
     }
     mark_choice();
     note_gaps();
@@ -381,42 +465,12 @@ class RobotProposal {
     }
   }
 
-  // The recorded torque over the links' weight, of the joint that carries most; 0 if it can't be
-  // told.
-  [[nodiscard]] double share_of_weight() const {
-    const UrdfChain links = read_urdf_joints(
-        request_.urdf, request_.base.empty() ? joints_[first_].parent : request_.base,
-        joints_[chain_.back()].child);
-    const bool any_prismatic =
-        std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
-    if (any_prismatic || links.joints.size() != chain_.size()) return 0.0;
-    const RigidChain chain(links.joints, joints_[first_].parent_rotation.transpose() *
-                                             Eigen::Vector3d(0.0, 0.0, -kGravity));
-    RigidChainEvaluator evaluator(chain);
-    const auto n = static_cast<Eigen::Index>(chain_.size());
-    Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const std::size_t joint = chain_[static_cast<std::size_t>(j)];
-      q.col(j) = find_unit(rotary_unit_)->factor * without_gaps(position(joint).values);
-      const Unit* unit = find_unit(force(joint).words.unit);
-      torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
-    }
-    Eigen::VectorXd weight = Eigen::VectorXd::Zero(n), recorded = weight;
-    const Eigen::Index step = std::max<Eigen::Index>(1, log_.samples() / 100);
-    for (Eigen::Index k = 0; k < log_.samples(); k += step) {
-      weight += evaluator.gravity_torque(q.row(k).transpose()).cwiseAbs2();
-      recorded += torque.row(k).transpose().cwiseAbs2();
-    }
-    Eigen::Index most = 0;
-    return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
-  }
-
   // Torques that are far from what the links weigh are of motors before a gear.
   void doubt_gains() {
     constexpr double kFar = 10.0;
-    const double share = share_of_weight();
+    const double share = robot_.share_of_weight(rotary_unit_);
     if (share == 0.0 || (share < kFar && share > 1.0 / kFar)) return;
-    gains_known_ = false;
+    doubts_.gains_known = false;
     proposal_.notes.push_back(fmt::format(
         "the torques are {:.2g} times the links' weight, as of motors before a gear or in "
         "another unit: each drive's gain is estimated",
@@ -424,17 +478,17 @@ class RobotProposal {
   }
 
   void guess_forces() {
-    if (chain_.empty()) return;
-    const bool were_known = gains_known_;
-    if (gains_known_ && proposal_.questions.empty()) doubt_gains();
+    if (robot_.chain().empty()) return;
+    const bool were_known = doubts_.gains_known;
+    if (doubts_.gains_known && proposal_.questions.empty()) doubt_gains();
     guess("forces", range_of(*forces_),
-          gains_known_ ? "in newton metres, as their titles say"
+          doubts_.gains_known ? "in newton metres, as their titles say"
           : were_known
               ? "newton metres by their titles, but not by the links' weight"
               : "no newton metres are stated: each drive's gain is unknown, and estimated");
     std::string still;
     for (const auto& [joint, column] : forces_->columns) {
-      if (!column->moves()) still += (still.empty() ? "" : ", ") + joints_[joint].name;
+      if (!column->moves()) still += (still.empty() ? "" : ", ") + robot_.joints()[joint].name;
     }
     if (!still.empty()) proposal_.notes.push_back("the force never changes of " + still);
   }
@@ -481,59 +535,15 @@ class RobotProposal {
     guess("not used", names + "'" + (count > 2 ? fmt::format(" and {} more", count - 2) : ""), "");
   }
 
-  // ---- the model -------------------------------------------------------------------------------
-
-  [[nodiscard]] std::string gravity() const {
-    const Eigen::Vector3d g =
-        joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
-    std::vector<std::string> parts;
-    for (const double each : g) {
-      parts.push_back(fmt::format("{:.6g}", std::abs(each) < 1e-9 ? 0.0 : each));
-    }
-    return fmt::format("[{}]", fmt::join(parts, ", "));
-  }
-
-  std::string model() {
-    std::string text =
-        fmt::format("# Proposed by `{}`: rigid links as the URDF has them, without friction.\n",
-                    request_.command);
-    text += "format: graybox-rigid-robot/1\n";
-    if (!is_complete()) return text + "# ANSWER: first the questions of campaign.yaml\n";
-    std::filesystem::path urdf = request_.urdf;
-    if (urdf.is_relative()) {
-      urdf = std::filesystem::proximate(urdf, request_.folder.empty() ? "." : request_.folder);
-    }
-    text += fmt::format("gravity: {:<37} # m/s^2, in the base link's axes\n", gravity());
-    text += fmt::format("urdf: {}\nbase: {}\ntip: {}\njoints:\n", in_quotes(urdf.string()),
-                        in_quotes(request_.base.empty() ? joints_[first_].parent : request_.base),
-                        in_quotes(joints_[chain_.back()].child));
-    std::vector<std::string> forces, positions;
-    for (const std::size_t joint : chain_) {
-      const std::string& name = joints_[joint].name;
-      text += fmt::format(
-          "  - {{name: {}, gear_ratio: 1, rotor_inertia: unknown}}{}\n", in_quotes(name),
-          beyond_limits_ ? "  # ANSWER: is the log of motors? Then their gear ratio" : "");
-      forces.push_back(channel_name("force", name));
-      positions.push_back(channel_name("position", name));
-    }
-    text += fmt::format("channels:\n  torque: [{}]\n  torque_of: arm\n", fmt::join(forces, ", "));
-    text += fmt::format("  drive_gains: {:<30} # {}\n", gains_known_ ? "known" : "unknown",
-                        gains_known_ ? "the titles state newton metres" : "estimated");
-    text += fmt::format("  position: [{}]\n  position_of: arm\n", fmt::join(positions, ", "));
-    return text;
-  }
-
   const ProposalRequest& request_;
   const std::vector<LogRecording>& recordings_;
   const LogRecording& log_;
-  std::vector<UrdfJoint> joints_;
+  LoggedRobot robot_;
   std::vector<ColumnFamily> families_;
   const ColumnFamily* positions_ = nullptr;
   const ColumnFamily* forces_ = nullptr;
-  std::vector<std::size_t> chain_;  // joints that move and are logged, from the base on
-  std::size_t first_ = 0;           // the joint whose parent link is the base
   std::string rotary_unit_ = "rad", unit_reason_;
-  bool gains_known_ = true, beyond_limits_ = false;
+  ModelDoubts doubts_;
   CampaignDraft draft_;
   ModelProposal proposal_;
 };

@@ -78,19 +78,13 @@ class History {
   std::size_t newest_ = 0;
 };
 
-// State: (q, q', states of the laws).
-class IntegratedPlant final : public Plant {
+// The equations of motion of a plant under held inputs. State: (q, q', states of the laws).
+class PlantMotion {
  public:
-  IntegratedPlant(std::unique_ptr<Mechanism> mechanism, ElementDynamics elements, PlantStart start,
-                  double sample_time, const IntegratorOptions& options)
+  PlantMotion(std::unique_ptr<Mechanism> mechanism, ElementDynamics elements)
       : mechanism_(std::move(mechanism)),
         elements_(std::move(elements)),
-        start_(std::move(start)),
-        sample_time_(sample_time),
         coordinates_(mechanism_->coordinate_count()),
-        input_delays_(split(elements_.input_delays(), sample_time)),
-        output_delays_(split(elements_.output_delays(), sample_time)),
-        state_(2 * coordinates_ + elements_.state_count()),
         q_(coordinates_),
         velocity_(coordinates_),
         force_(coordinates_),
@@ -99,7 +93,71 @@ class IntegratedPlant final : public Plant {
         law_rates_(elements_.state_count()),
         held_(mechanism_->input_count()),
         input_(mechanism_->input_count()),
-        output_(mechanism_->output_count()) {
+        output_(mechanism_->output_count()) {}
+
+  [[nodiscard]] const Mechanism& mechanism() const { return *mechanism_; }
+  [[nodiscard]] const ElementDynamics& elements() const { return elements_; }
+  [[nodiscard]] Eigen::Index state_count() const {
+    return 2 * coordinates_ + elements_.state_count();
+  }
+
+  // Writes the state of rest, and holds the command that keeps it.
+  void rest(const PlantStart& start, Eigen::VectorXd& state) {
+    q_ = start.coordinates;
+    velocity_.setZero();
+    mechanism_->measure(q_, velocity_, output_);
+    elements_.rest(q_, start.command, output_, law_states_);
+    state << q_, velocity_, law_states_;
+    held_ = start.command;
+  }
+
+  void hold(Eigen::Index input, double value) { held_(input) = value; }
+
+  [[nodiscard]] Eigen::VectorXd sensed(const double* state) {
+    unpack(state);
+    mechanism_->measure(q_, velocity_, output_);
+    elements_.sense(output_, law_states_, law_rates_);
+    return output_;
+  }
+
+  void rate_of(const double* state, double* rate) {
+    unpack(state);
+    force_.setZero();
+    elements_.add_force(q_, velocity_, law_states_, force_, law_rates_);
+    input_ = held_;
+    elements_.act(input_, law_states_, law_rates_);
+    mechanism_->accelerate(q_, velocity_, input_, force_, acceleration_);
+    if (elements_.senses()) {
+      mechanism_->measure(q_, velocity_, output_);
+      elements_.sense(output_, law_states_, law_rates_);
+    }
+    Eigen::Map<Eigen::VectorXd>(rate, state_count()) << velocity_, acceleration_, law_rates_;
+  }
+
+ private:
+  void unpack(const double* state) {
+    q_ = Eigen::Map<const Eigen::VectorXd>(state, coordinates_);
+    velocity_ = Eigen::Map<const Eigen::VectorXd>(state + coordinates_, coordinates_);
+    law_states_ = Eigen::Map<const Eigen::VectorXd>(state + 2 * coordinates_, law_states_.size());
+  }
+
+  std::unique_ptr<Mechanism> mechanism_;
+  ElementDynamics elements_;
+  Eigen::Index coordinates_;
+  Eigen::VectorXd q_, velocity_, force_, acceleration_, law_states_, law_rates_;
+  Eigen::VectorXd held_, input_, output_;
+};
+
+class IntegratedPlant final : public Plant {
+ public:
+  IntegratedPlant(std::unique_ptr<Mechanism> mechanism, ElementDynamics elements, PlantStart start,
+                  double sample_time, const IntegratorOptions& options)
+      : motion_(std::move(mechanism), std::move(elements)),
+        start_(std::move(start)),
+        sample_time_(sample_time),
+        input_delays_(split(motion_.elements().input_delays(), sample_time)),
+        output_delays_(split(motion_.elements().output_delays(), sample_time)),
+        state_(motion_.state_count()) {
     find_stops();
     restart();
     vector_ = N_VMake_Serial(state_.size(), state_.data(), context_.handle);
@@ -118,18 +176,17 @@ class IntegratedPlant final : public Plant {
   IntegratedPlant(const IntegratedPlant&) = delete;
   IntegratedPlant& operator=(const IntegratedPlant&) = delete;
 
-  [[nodiscard]] Eigen::Index input_count() const override { return mechanism_->input_count(); }
-  [[nodiscard]] Eigen::Index output_count() const override { return mechanism_->output_count(); }
+  [[nodiscard]] Eigen::Index input_count() const override {
+    return motion_.mechanism().input_count();
+  }
+  [[nodiscard]] Eigen::Index output_count() const override {
+    return motion_.mechanism().output_count();
+  }
 
   void restart() override {
-    q_ = start_.coordinates;
-    velocity_.setZero();
-    mechanism_->measure(q_, velocity_, output_);
-    elements_.rest(q_, start_.command, output_, law_states_);
-    state_ << q_, velocity_, law_states_;
-    held_ = start_.command;
+    motion_.rest(start_, state_);
     step_ = 0.0;
-    const Eigen::VectorXd measured = sensed();
+    const Eigen::VectorXd measured = motion_.sensed(state_.data());
     inputs_.clear();
     outputs_.clear();
     for (std::size_t j = 0; j < input_delays_.size(); ++j) {
@@ -183,7 +240,8 @@ class IntegratedPlant final : public Plant {
     for (std::size_t j = 0; j < inputs_.size(); ++j) {
       const Delay& delay = input_delays_[j];
       const bool has_arrived = part_of_sample >= delay.part;
-      held_(static_cast<Eigen::Index>(j)) = inputs_[j].ago(delay.whole + (has_arrived ? 0 : 1));
+      motion_.hold(static_cast<Eigen::Index>(j),
+                   inputs_[j].ago(delay.whole + (has_arrived ? 0 : 1)));
     }
   }
 
@@ -191,7 +249,7 @@ class IntegratedPlant final : public Plant {
     Eigen::VectorXd measured;
     for (std::size_t j = 0; j < outputs_.size(); ++j) {
       if (part_of_sample != 1.0 - output_delays_[j].part) continue;
-      if (measured.size() == 0) measured = sensed();
+      if (measured.size() == 0) measured = motion_.sensed(state_.data());
       outputs_[j].push(measured(static_cast<Eigen::Index>(j)));
     }
   }
@@ -227,56 +285,25 @@ class IntegratedPlant final : public Plant {
     ERKStepGetCurrentStep(memory_, &step_);
   }
 
-  [[nodiscard]] Eigen::VectorXd sensed() {
-    unpack(state_.data());
-    mechanism_->measure(q_, velocity_, output_);
-    elements_.sense(output_, law_states_, law_rates_);
-    return output_;
-  }
-
-  void unpack(const double* state) {
-    q_ = Eigen::Map<const Eigen::VectorXd>(state, coordinates_);
-    velocity_ = Eigen::Map<const Eigen::VectorXd>(state + coordinates_, coordinates_);
-    law_states_ = Eigen::Map<const Eigen::VectorXd>(state + 2 * coordinates_, law_states_.size());
-  }
-
-  void rate_of(const double* state, double* rate) {
-    unpack(state);
-    force_.setZero();
-    elements_.add_force(q_, velocity_, law_states_, force_, law_rates_);
-    input_ = held_;
-    elements_.act(input_, law_states_, law_rates_);
-    mechanism_->accelerate(q_, velocity_, input_, force_, acceleration_);
-    if (elements_.senses()) {
-      mechanism_->measure(q_, velocity_, output_);
-      elements_.sense(output_, law_states_, law_rates_);
-    }
-    Eigen::Map<Eigen::VectorXd>(rate, state_.size()) << velocity_, acceleration_, law_rates_;
-  }
-
   // Failures come back as flags.
   static void keep_quiet(int, const char*, const char*, char*, void*) {}
 
   static int rate(double /*time*/, N_Vector state, N_Vector rate, void* plant) {
     auto& self = *static_cast<IntegratedPlant*>(plant);
     double* values = N_VGetArrayPointer(rate);
-    self.rate_of(N_VGetArrayPointer(state), values);
+    self.motion_.rate_of(N_VGetArrayPointer(state), values);
     const bool is_finite =
         Eigen::Map<const Eigen::VectorXd>(values, self.state_.size()).allFinite();
     return is_finite ? 0 : 1;  // 1: try a shorter step
   }
 
-  std::unique_ptr<Mechanism> mechanism_;
-  ElementDynamics elements_;
+  PlantMotion motion_;
   PlantStart start_;
   double sample_time_;
-  Eigen::Index coordinates_;
   std::vector<Delay> input_delays_, output_delays_;
   std::vector<History> inputs_, outputs_;
   std::vector<double> stops_;
   Eigen::VectorXd state_;  // the integrator's vector looks at it
-  Eigen::VectorXd q_, velocity_, force_, acceleration_, law_states_, law_rates_;
-  Eigen::VectorXd held_, input_, output_;
   long samples_ = 0;
   long steps_before_ = 0;
   Context context_;

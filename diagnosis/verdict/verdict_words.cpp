@@ -645,10 +645,10 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   return is_determined(estimate) ? text : "not determined (" + text + ")";
 }
 
-std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
-                                       std::span<const Hypothesis> hypotheses) {
-  std::vector<std::string> lines{headline(diagnosis)};
-  std::ranges::copy(diagnosis.assumptions, std::back_inserter(lines));
+namespace {
+
+// Faults of wires, signs and units.
+void add_channel_faults(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   for (const ChannelFault& fault : diagnosis.channel_faults) {
     lines.push_back(fmt::format(
         "{} ({} {:.3g}, without this {:.3g}). Mend it in campaign.yaml or in the model; "
@@ -660,22 +660,11 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
         "Wires, signs and units were not checked to the end: there was no time. A fault among them "
         "looks like missing physics.");
   }
-  const auto add = [&lines](const std::vector<std::string>& more) {
-    lines.insert(lines.end(), more.begin(), more.end());
-  };
-  add(plausibility_lines(diagnosis.implausible));
-  if (!diagnosis.trouble.empty()) {
-    add(reason_lines(diagnosis));
-    return lines;
-  }
-  if (!diagnosis.rivals_weighed) {
-    lines.push_back(
-        "As many laws as the search takes leave more than noise: they lower the error, but may "
-        "only stand in for a law that was not tried. Their rivals were not weighed.");
-  }
-  if (diagnosis.time_variation)
-    lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
-  add_moved_channels(diagnosis, lines);
+}
+
+// Each effect found, its same places and its rivals.
+void add_effects(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
+                 std::vector<std::string>& lines) {
   const bool is_sound = excluding(diagnosis.implausible) == 0;
   for (const FoundEffect& effect : diagnosis.effects) {
     if (!is_sound) {
@@ -689,28 +678,19 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
     add_same_places(effect.same_at, hypotheses, lines);
     add_rivals(effect, hypotheses, diagnosis.noise_is_known, lines);
   }
-  std::string trial = unfinished_words(diagnosis, hypotheses);
-  if (!trial.empty()) lines.push_back(std::move(trial));
-  add(lines_of_laws(diagnosis, hypotheses));
-  add(freed_model_lines(diagnosis));
-  add(rejected_lines(diagnosis, hypotheses));
-  for (const Departure& departure : diagnosis.departures) {
-    lines.push_back(departure_words(departure, hypotheses));
-  }
-  for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
-    lines.push_back(shared_words(shared, hypotheses));
-  }
+}
+
+void add_all_channels(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   if (diagnosis.remaining_structure && diagnosis.channels_after.size() > 1) {
     add_each_channel(diagnosis.channels_before, diagnosis.channels_after, lines);
   } else {
     add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
   }
   add_late_channels(diagnosis.channels_after, lines);
-  add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
-          diagnosis.noise_is_known, lines);
-  add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
-          diagnosis.noise_is_known, lines);
-  add(kept_out_lines(diagnosis, hypotheses));
+}
+
+// Whether what is left is noise.
+void add_test_of_rest(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   if (diagnosis.detection.detected && diagnosis.noise_is_known && !diagnosis.rest_test.was_made) {
     lines.push_back("Whether what is left is noise was not tested: there was no time.");
   } else if (diagnosis.detection.detected && diagnosis.noise_is_known) {
@@ -732,15 +712,10 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
                                   diagnosis.rest_test.fit_p_value);
     }
   }
-  if (diagnosis.verified) {
-    if (std::string map = map_words(diagnosis); !map.empty()) lines.push_back(std::move(map));
-  }
-  if (diagnosis.verified && !diagnosis.predicts) {
-    lines.push_back(
-        "The errors of the fitted parameters may be all that recordings kept out have beyond "
-        "noise, or a law that is not in the catalogue. Recordings like those, in the fit, would "
-        "tell.");
-  }
+}
+
+// How far what is left follows from the motion, and from its own past.
+void add_memory_of_rest(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   if (diagnosis.remaining_structure) {
     lines.push_back(
         fmt::format("The noise is not known. {:.0f} % of what is left still depends on "
@@ -758,6 +733,60 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           "laws describes.";
     }
   }
+}
+
+}  // namespace
+
+std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
+                                       std::span<const Hypothesis> hypotheses) {
+  std::vector<std::string> lines{headline(diagnosis)};
+  std::ranges::copy(diagnosis.assumptions, std::back_inserter(lines));
+  add_channel_faults(diagnosis, lines);
+  const auto add = [&lines](const std::vector<std::string>& more) {
+    lines.insert(lines.end(), more.begin(), more.end());
+  };
+  add(plausibility_lines(diagnosis.implausible));
+  if (!diagnosis.trouble.empty()) {
+    add(reason_lines(diagnosis));
+    return lines;
+  }
+  if (!diagnosis.rivals_weighed) {
+    lines.push_back(
+        "As many laws as the search takes leave more than noise: they lower the error, but may "
+        "only stand in for a law that was not tried. Their rivals were not weighed.");
+  }
+  if (diagnosis.time_variation)
+    lines.push_back(change_words(*diagnosis.time_variation, !diagnosis.effects.empty()));
+  add_moved_channels(diagnosis, lines);
+  add_effects(diagnosis, hypotheses, lines);
+  std::string trial = unfinished_words(diagnosis, hypotheses);
+  if (!trial.empty()) lines.push_back(std::move(trial));
+  add(lines_of_laws(diagnosis, hypotheses));
+  add(freed_model_lines(diagnosis));
+  add(rejected_lines(diagnosis, hypotheses));
+  for (const Departure& departure : diagnosis.departures) {
+    lines.push_back(departure_words(departure, hypotheses));
+  }
+  for (const SharedCharacteristic& shared : diagnosis.shared_characteristics) {
+    lines.push_back(shared_words(shared, hypotheses));
+  }
+  add_all_channels(diagnosis, lines);
+  add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
+          diagnosis.noise_is_known, lines);
+  add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
+          diagnosis.noise_is_known, lines);
+  add(kept_out_lines(diagnosis, hypotheses));
+  add_test_of_rest(diagnosis, lines);
+  if (diagnosis.verified) {
+    if (std::string map = map_words(diagnosis); !map.empty()) lines.push_back(std::move(map));
+  }
+  if (diagnosis.verified && !diagnosis.predicts) {
+    lines.push_back(
+        "The errors of the fitted parameters may be all that recordings kept out have beyond "
+        "noise, or a law that is not in the catalogue. Recordings like those, in the fit, would "
+        "tell.");
+  }
+  add_memory_of_rest(diagnosis, lines);
   add(reason_lines(diagnosis));
   if (const std::string range = range_words(diagnosis.checked); !range.empty()) {
     lines.push_back(range);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <set>
 
+#include "problems/files/yaml_field.hpp"
 #include "problems/laws/law_file.hpp"
 
 namespace graybox {

@@ -36,10 +36,11 @@
 #include <string>
 #include <vector>
 
-#include "problems/files/yaml_field.hpp"
 #include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
+
+class YamlField;
 
 enum class LocationKind : std::int8_t { kElement, kActuator, kSensor };
 

@@ -4,6 +4,8 @@
 
 #include <cstdlib>
 
+#include "problems/files/yaml_field.hpp"
+
 namespace graybox {
 
 std::string with_environment(const YamlField& field) {

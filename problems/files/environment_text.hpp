@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "problems/files/yaml_field.hpp"
-
 namespace graybox {
+
+class YamlField;
 
 // The field's text with every ${NAME} replaced by the environment's value of NAME:
 // "${GRAYBOX_RECORDINGS}/emps.mat". Throws InputError, with the place in the file, where a variable

@@ -30,10 +30,11 @@
 #include <string>
 #include <vector>
 
-#include "problems/files/yaml_field.hpp"
 #include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
+
+class YamlField;
 
 // Adds all laws of a file to the catalogue; their names. Throws InputError.
 std::vector<std::string> add_law_file(const std::filesystem::path& file);

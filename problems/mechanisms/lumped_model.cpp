@@ -10,6 +10,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

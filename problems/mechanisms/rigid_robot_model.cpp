@@ -11,6 +11,7 @@
 
 #include "problems/base/error.hpp"
 #include "problems/files/environment_text.hpp"
+#include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/urdf_chain.hpp"
 
 namespace graybox {

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "problems/base/error.hpp"
+#include "problems/files/yaml_field.hpp"
 
 namespace graybox {
 namespace {

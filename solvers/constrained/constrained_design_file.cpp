@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <utility>
@@ -47,26 +46,14 @@ Design ConstrainedReport::weights() const {
 ConstrainedReport judge_constrained(const InformationSet& set, std::string_view solver,
                                     const SolveOptions& options, ConstrainedSolution solution,
                                     DesignRequest request, DesignConstraints constraints) {
-  ConstrainedReport out{.report = {},
+  ConstrainedReport out{.report = report_without_design(set, solver, options, solution.counters),
                         .proof = {},
                         .efforts = std::move(solution.efforts),
                         .request = std::move(request),
                         .constraints = std::move(constraints)};
   SolveReport& report = out.report;
-  report.solver = solver;
-  report.problem = set.name();
-  report.candidates = set.candidate_count();
-  report.dimension = set.dimension();
-  report.options = options;
-  report.counters = solution.counters;
-  report.peak_memory_bytes = peak_memory_bytes();
   report.message = solution.message;
-  if (solution.status == SolveStatus::kUnsupported || out.efforts.empty()) {
-    constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    report.certificate.duality_gap = report.certificate.log_det_gap = kInfinity;
-    report.certificate.log_det = -kInfinity;
-    report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
-  } else {
+  if (solution.status != SolveStatus::kUnsupported && !out.efforts.empty()) {
     out.proof = certify_constrained(set, out.efforts, out.constraints, options.criterion,
                                     options.duality_gap);
     report.certificate = out.proof.certificate;

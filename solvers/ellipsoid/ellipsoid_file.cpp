@@ -17,8 +17,6 @@ namespace {
 
 using EllipsoidJson = nlohmann::ordered_json;
 
-constexpr std::string_view kEllipsoidFormat = "graybox-ellipsoid/1";
-
 EllipsoidJson matrix_rows(const std::vector<double>& values, std::size_t columns) {
   EllipsoidJson rows = EllipsoidJson::array();
   for (std::size_t from = 0; from < values.size(); from += columns) {

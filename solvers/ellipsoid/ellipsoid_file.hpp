@@ -23,10 +23,13 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <string_view>
 
 #include "solvers/ellipsoid/outlier_peeling.hpp"
 
 namespace graybox {
+
+inline constexpr std::string_view kEllipsoidFormat = "graybox-ellipsoid/1";
 
 [[nodiscard]] nlohmann::ordered_json ellipsoid_json(const PointSet& points,
                                                     const EllipsoidOptions& options,

@@ -4,11 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <string_view>
+#include <optional>
+#include <string>
 #include <vector>
 
-#include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
+#include "problems/files/json_fields.hpp"
 #include "problems/files/json_file.hpp"
 #include "solvers/ellipsoid/ellipsoid_file.hpp"
 
@@ -17,15 +18,13 @@ namespace {
 
 using EllipsoidJson = nlohmann::ordered_json;
 
-constexpr std::string_view kEllipsoidFormat = "graybox-ellipsoid/1";
-
 class EllipsoidReader {
  public:
   EllipsoidReader(const std::string& path, const PointSet& points)
-      : path_(path), points_(points), n_(points.dimension) {}
+      : fields_(path), points_(points), n_(points.dimension) {}
 
-  EllipsoidFile read() {
-    parse();
+  EllipsoidFile read(const std::string& path) {
+    parse(path);
     EllipsoidFile file;
     file.ellipsoid.dimension = n_;
     const auto centred = root_.find("centred");
@@ -38,35 +37,31 @@ class EllipsoidReader {
     const auto is_zero = [](double x) { return x == 0.0; };
     if (file.centred && !(std::ranges::all_of(file.ellipsoid.centre, is_zero) &&
                           std::ranges::all_of(file.ellipsoid.remainder, is_zero))) {
-      fail("centred is true, but the centre is not zero");
+      fields_.fail("centred is true, but the centre is not zero");
     }
     file.ellipsoid.factor = root_.contains("factor") ? factor() : factor_from_shape();
     file.support = support();
     file.dropped = dropped();
     for (const std::size_t i : file.support.indices) {
       if (std::ranges::find(file.dropped, i) != file.dropped.end()) {
-        fail(fmt::format("point {} is both in contact and dropped", i));
+        fields_.fail(fmt::format("point {} is both in contact and dropped", i));
       }
     }
     return file;
   }
 
  private:
-  [[noreturn]] void fail(const std::string& problem) const {
-    throw InputError(fmt::format("{}: {}", path_, problem));
-  }
-
-  void parse() {
-    root_ = read_json_file<EllipsoidJson>(path_);
+  void parse(const std::string& path) {
+    root_ = read_json_file<EllipsoidJson>(path);
     const auto format = root_.is_object() ? root_.find("format") : root_.end();
     if (format == root_.end() || *format != kEllipsoidFormat) {
-      fail(fmt::format("no object of format {}", kEllipsoidFormat));
+      fields_.fail(fmt::format("no object of format {}", kEllipsoidFormat));
     }
   }
 
   [[nodiscard]] std::vector<double> numbers(const EllipsoidJson& parent, const char* key) const {
     const auto found = parent.find(key);
-    if (found == parent.end()) fail(fmt::format("{} is missing", key));
+    if (found == parent.end()) fields_.fail(fmt::format("{} is missing", key));
     return row(*found, key);
   }
 
@@ -75,17 +70,17 @@ class EllipsoidReader {
       return x.is_number() && std::isfinite(x.get<double>());
     };
     if (!entry.is_array() || entry.size() != n_ || !std::ranges::all_of(entry, is_finite)) {
-      fail(fmt::format("{} must have {} finite numbers a row, one for each column of {}", key, n_,
-                       points_.path));
+      fields_.fail(fmt::format("{} must have {} finite numbers a row, one for each column of {}",
+                               key, n_, points_.path));
     }
     return entry.get<std::vector<double>>();
   }
 
   [[nodiscard]] std::vector<double> square(const char* key) const {
     const auto found = root_.find(key);
-    if (found == root_.end()) fail("factor or shape is missing");
+    if (found == root_.end()) fields_.fail("factor or shape is missing");
     if (!found->is_array() || found->size() != n_) {
-      fail(fmt::format("{} must have {} rows", key, n_));
+      fields_.fail(fmt::format("{} must have {} rows", key, n_));
     }
     std::vector<double> full;
     for (const EllipsoidJson& entry : *found) {
@@ -102,7 +97,7 @@ class EllipsoidReader {
       for (std::size_t j = 0; j < n_; ++j) {
         const double value = full[i * n_ + j];
         if (j > i ? value != 0.0 : j == i && !(value > 0.0)) {
-          fail("factor must be lower triangular with a positive diagonal");
+          fields_.fail("factor must be lower triangular with a positive diagonal");
         }
         if (j <= i) packed[packed_index(i, j)] = value;
       }
@@ -116,11 +111,11 @@ class EllipsoidReader {
       for (std::size_t j = 0; j < i; ++j) {
         const double difference = std::abs(shape[i * n_ + j] - shape[j * n_ + i]);
         const double size = std::sqrt(std::abs(shape[i * n_ + i] * shape[j * n_ + j]));
-        if (!(difference <= 1e-12 * size)) fail("shape must be symmetric");
+        if (!(difference <= 1e-12 * size)) fields_.fail("shape must be symmetric");
       }
     }
     std::vector<double> packed = factor_of_shape(shape, n_);
-    if (packed.empty()) fail("shape must be positive definite");
+    if (packed.empty()) fields_.fail("shape must be positive definite");
     return packed;
   }
 
@@ -135,7 +130,7 @@ class EllipsoidReader {
       if (weight == entry.end()) return {};  // they prove nothing
       if (!weight->is_number() || !(weight->get<double>() >= 0.0) ||
           !std::isfinite(weight->get<double>())) {
-        fail(fmt::format("contact[{}]: weight must be a number of at least 0", k));
+        fields_.fail(fmt::format("contact[{}]: weight must be a number of at least 0", k));
       }
       found.indices.push_back(index);
       found.weights.push_back(weight->get<double>());
@@ -155,15 +150,15 @@ class EllipsoidReader {
 
   [[nodiscard]] std::size_t point_index(const EllipsoidJson& entry, const char* key,
                                         std::size_t k) const {
-    const auto index = entry.is_object() ? entry.find("index") : entry.end();
-    if (index == entry.end() || !index->is_number_integer() || *index < 0 ||
-        *index >= points_.count) {
-      fail(fmt::format("{}[{}]: index must be an integer from 0 to {}", key, k, points_.count - 1));
+    const std::optional<std::size_t> index = JsonFields::index_below(entry, points_.count);
+    if (!index) {
+      fields_.fail(
+          fmt::format("{}[{}]: index must be an integer from 0 to {}", key, k, points_.count - 1));
     }
-    return index->get<std::size_t>();
+    return *index;
   }
 
-  std::string path_;
+  JsonFields fields_;
   const PointSet& points_;
   std::size_t n_;
   EllipsoidJson root_;
@@ -172,7 +167,7 @@ class EllipsoidReader {
 }  // namespace
 
 EllipsoidFile read_ellipsoid(const std::string& path, const PointSet& points) {
-  return EllipsoidReader(path, points).read();
+  return EllipsoidReader(path, points).read(path);
 }
 
 }  // namespace graybox

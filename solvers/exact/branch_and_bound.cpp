@@ -32,6 +32,113 @@ bool later(const TreeNode& a, const TreeNode& b) {
   return a.bound < b.bound || (a.bound == b.bound && a.number > b.number);
 }
 
+// The checker's figures of a design, in the coordinates of the set: double precision may be wrong
+// by more than the gap.
+struct CheckedLogDet {
+  double log_det = -kInfinity;
+  double at_most = -kInfinity;
+};
+
+CheckedLogDet checked_log_det(const InformationSet& set, const Relaxation& relaxation,
+                              std::int64_t experiments, std::vector<std::int64_t> counts) {
+  const ExactCertificate certificate =
+      certify_exact(set, {std::move(counts)}, experiments, relaxation);
+  if (certificate.status != CertificateStatus::kCertified) return {};
+  return {certificate.log_det, certificate.log_det + certificate.rounding_bound};
+}
+
+// Bounds nodes and improves their designs, a batch at a time, each thread with its own workspace.
+// Outcomes do not depend on the number of threads.
+class NodeWorkers {
+ public:
+  NodeWorkers(const InformationSet& set, const Relaxation& relaxation, const ExactOptions& options,
+              const WhitenedPool& pool, double gap, const StopClock& clock)
+      : set_(set), relaxation_(relaxation), options_(options), pool_(pool), clock_(clock) {
+    for (int thread = 0; thread < options.threads; ++thread) {
+      workers_.push_back(std::make_unique<Worker>(Worker{
+          NodeRelaxation(pool, options.experiments, gap, clock), LocalExchange(pool, clock)}));
+    }
+  }
+
+  // `held_to`: the log det below which a node is given up.
+  void process(const std::vector<TreeNode>& batch, double held_to,
+               std::vector<NodeOutcome>& outcomes) {
+    const auto count = static_cast<std::ptrdiff_t>(batch.size());
+#pragma omp parallel num_threads(options_.threads)
+    {
+      Worker& worker = *workers_[static_cast<std::size_t>(omp_get_thread_num())];
+#pragma omp for schedule(dynamic, 1)
+      for (std::ptrdiff_t k = 0; k < count; ++k) {
+        const auto at = static_cast<std::size_t>(k);
+        process(worker, batch[at], held_to, outcomes[at]);
+      }
+    }
+  }
+
+  [[nodiscard]] std::int64_t newton_steps() const {
+    std::int64_t steps = 0;
+    for (const auto& worker : workers_) steps += worker->relaxation.newton_steps();
+    return steps;
+  }
+
+  // The outcome's design, a count for each candidate of the set.
+  [[nodiscard]] std::vector<std::int64_t> counts_of(const NodeOutcome& outcome) const {
+    std::vector<std::int64_t> counts(set_.candidate_count(), 0);
+    for (const auto& [member, count] : outcome.design) counts[pool_.candidates()[member]] = count;
+    return counts;
+  }
+
+ private:
+  struct Worker {
+    NodeRelaxation relaxation;
+    LocalExchange exchange;
+  };
+
+  void process(Worker& worker, const TreeNode& node, double held_to, NodeOutcome& outcome) const {
+    outcome = {};
+    outcome.stopped = clock_.stops();
+    if (outcome.stopped) return;
+    outcome = worker.relaxation.process(node, held_to);
+    if (outcome.stopped) return;
+    if (outcome.is_one_design) {
+      evaluate(held_to, outcome);
+    } else if (node.number < kExchangeEvery || node.number % kExchangeEvery == 0) {
+      improve(worker.exchange, outcome);
+    }
+  }
+
+  // A node that is one design is bounded by that design's value.
+  void evaluate(double held_to, NodeOutcome& outcome) const {
+    const CheckedLogDet value =
+        checked_log_det(set_, relaxation_, options_.experiments, counts_of(outcome));
+    const double shift = pool_.log_det_shift();
+    outcome.design_log_det = value.log_det - shift;
+    const double at_most =
+        value.at_most - shift + std::numeric_limits<double>::epsilon() * std::abs(shift);
+    outcome.bound = std::min(outcome.bound, std::max(at_most, held_to));
+  }
+
+  void improve(LocalExchange& exchange, NodeOutcome& outcome) const {
+    if (outcome.design.empty() || outcome.design_log_det == -kInfinity) return;
+    std::vector<std::int64_t> counts(pool_.size(), 0);
+    for (const auto& [member, count] : outcome.design) counts[member] = count;
+    outcome.design_log_det = exchange.improve(counts);
+    outcome.design.clear();
+    for (std::size_t k = 0; k < counts.size(); ++k) {
+      if (counts[k] == 0) continue;
+      outcome.design.emplace_back(static_cast<std::uint32_t>(k),
+                                  static_cast<std::int32_t>(counts[k]));
+    }
+  }
+
+  const InformationSet& set_;
+  const Relaxation& relaxation_;
+  const ExactOptions& options_;
+  const WhitenedPool& pool_;
+  const StopClock& clock_;
+  std::vector<std::unique_ptr<Worker>> workers_;
+};
+
 class Tree {
  public:
   Tree(const InformationSet& set, const Relaxation& relaxation, const ExactOptions& options,
@@ -62,35 +169,21 @@ class Tree {
     pool_ = &*pool;
     if (!options_.resume) plant(*pool);
     for (const TreeNode& node : state_.open) bytes_ += bytes_of(node);
-    prepare_workers();
+    workers_.emplace(set_, relaxation_, options_, *pool, 0.5 * tolerance_, clock_);
     const ExactStatus status = grow();
     if (!options_.checkpoint.empty()) save();
     return solution(status);
   }
 
  private:
-  struct Worker {
-    NodeRelaxation relaxation;
-    LocalExchange exchange;
-  };
-
-  // The checker's figures, in the coordinates of the set: double precision may be wrong by more
-  // than the gap.
-  struct Value {
-    double log_det = -kInfinity;
-    double at_most = -kInfinity;
-  };
-  [[nodiscard]] Value value_of(std::vector<std::int64_t> counts) const {
-    const ExactCertificate certificate =
-        certify_exact(set_, {std::move(counts)}, options_.experiments, relaxation_);
-    if (certificate.status != CertificateStatus::kCertified) return {};
-    return {certificate.log_det, certificate.log_det + certificate.rounding_bound};
+  [[nodiscard]] double checked(std::vector<std::int64_t> counts) const {
+    return checked_log_det(set_, relaxation_, options_.experiments, std::move(counts)).log_det;
   }
 
   void find_incumbent() {
     ExchangeResult found = search_by_exchange(set_, relaxation_, options_, observer_);
     state_.incumbent = std::move(found.counts);
-    state_.incumbent_log_det = value_of(state_.incumbent).log_det;
+    state_.incumbent_log_det = checked(state_.incumbent);
     screened_ = screen_counts(relaxation_, options_.experiments, state_.incumbent_log_det);
     drop_copies(set_, screened_);
     state_.pool = screened_.candidates;
@@ -109,14 +202,6 @@ class Tree {
     }
     state_.incumbent_log_det -= pool.log_det_shift();
     push({.bound = relaxation_bound(), .number = state_.created++, .box = std::move(box)});
-  }
-
-  void prepare_workers() {
-    for (int thread = 0; thread < options_.threads; ++thread) {
-      workers_.push_back(std::make_unique<Worker>(
-          Worker{NodeRelaxation(*pool_, options_.experiments, 0.5 * tolerance_, clock_),
-                 LocalExchange(*pool_, clock_)}));
-    }
   }
 
   // Bounds inside the tree are in the coordinates of the pool.
@@ -170,7 +255,8 @@ class Tree {
         next_checkpoint = seconds() + kSecondsBetweenCheckpoints;
       }
       take_batch();
-      process_batch();
+      held_to_ = threshold();
+      workers_->process(batch_, held_to_, outcomes_);
       merge_batch();
     }
   }
@@ -190,62 +276,6 @@ class Tree {
       batch_.push_back(pop());
     }
     outcomes_.resize(batch_.size());
-  }
-
-  void process_batch() {
-    held_to_ = threshold();
-    const auto count = static_cast<std::ptrdiff_t>(batch_.size());
-#pragma omp parallel num_threads(options_.threads)
-    {
-      Worker& worker = *workers_[static_cast<std::size_t>(omp_get_thread_num())];
-#pragma omp for schedule(dynamic, 1)
-      for (std::ptrdiff_t k = 0; k < count; ++k) {
-        const auto at = static_cast<std::size_t>(k);
-        process(worker, batch_[at], outcomes_[at]);
-      }
-    }
-  }
-
-  void process(Worker& worker, const TreeNode& node, NodeOutcome& outcome) const {
-    outcome = {};
-    outcome.stopped = clock_.stops();
-    if (outcome.stopped) return;
-    outcome = worker.relaxation.process(node, held_to_);
-    if (outcome.stopped) return;
-    if (outcome.is_one_design) {
-      evaluate(outcome);
-    } else if (node.number < kExchangeEvery || node.number % kExchangeEvery == 0) {
-      improve(worker.exchange, outcome);
-    }
-  }
-
-  [[nodiscard]] std::vector<std::int64_t> counts_of(const NodeOutcome& outcome) const {
-    std::vector<std::int64_t> counts(set_.candidate_count(), 0);
-    for (const auto& [member, count] : outcome.design) counts[pool_->candidates()[member]] = count;
-    return counts;
-  }
-
-  // A node that is one design is bounded by that design's value.
-  void evaluate(NodeOutcome& outcome) const {
-    const Value value = value_of(counts_of(outcome));
-    const double shift = pool_->log_det_shift();
-    outcome.design_log_det = value.log_det - shift;
-    const double at_most =
-        value.at_most - shift + std::numeric_limits<double>::epsilon() * std::abs(shift);
-    outcome.bound = std::min(outcome.bound, std::max(at_most, held_to_));
-  }
-
-  void improve(LocalExchange& exchange, NodeOutcome& outcome) const {
-    if (outcome.design.empty() || outcome.design_log_det == -kInfinity) return;
-    std::vector<std::int64_t> counts(pool_->size(), 0);
-    for (const auto& [member, count] : outcome.design) counts[member] = count;
-    outcome.design_log_det = exchange.improve(counts);
-    outcome.design.clear();
-    for (std::size_t k = 0; k < counts.size(); ++k) {
-      if (counts[k] == 0) continue;
-      outcome.design.emplace_back(static_cast<std::uint32_t>(k),
-                                  static_cast<std::int32_t>(counts[k]));
-    }
   }
 
   void merge_batch() {
@@ -279,8 +309,8 @@ class Tree {
   }
 
   void adopt(const NodeOutcome& outcome) {
-    std::vector<std::int64_t> counts = counts_of(outcome);
-    const double log_det = value_of(counts).log_det - pool_->log_det_shift();
+    std::vector<std::int64_t> counts = workers_->counts_of(outcome);
+    const double log_det = checked(counts) - pool_->log_det_shift();
     if (!(log_det > state_.incumbent_log_det)) return;  // it was better by rounding
     state_.incumbent_log_det = log_det;
     state_.incumbent = std::move(counts);
@@ -310,9 +340,7 @@ class Tree {
   }
 
   [[nodiscard]] std::int64_t newton_steps() const {
-    std::int64_t steps = earlier_newton_steps_;
-    for (const auto& worker : workers_) steps += worker->relaxation.newton_steps();
-    return steps;
+    return earlier_newton_steps_ + workers_->newton_steps();
   }
 
   // Time was up before there was a tree: what is known is the relaxation's bound.
@@ -380,7 +408,7 @@ class Tree {
   TreeState state_;
   double bytes_ = 0.0;
   double held_to_ = 0.0;  // threshold of the present batch
-  std::vector<std::unique_ptr<Worker>> workers_;
+  std::optional<NodeWorkers> workers_;
   std::vector<TreeNode> batch_;
   std::vector<NodeOutcome> outcomes_;
 };

@@ -142,18 +142,15 @@ ExactReport report_exact(const InformationSet& set, const Relaxation& relaxation
   ExactReport report;
   report.certificate =
       certify_exact(set, solution.design, options.experiments, relaxation, solution.log_det_bound);
-  SolveReport& share = report.share;
-  share.solver = method;
-  share.problem = set.name();
-  share.candidates = set.candidate_count();
-  share.dimension = set.dimension();
-  share.options = {.duality_gap = options.gap,
-                   .time_limit = options.time_limit,
-                   .seed = options.seed,
-                   .threads = options.threads};
-  share.certificate = certify(set, solution.design.weights());
-  share.counters = {.iterations = solution.iterations, .passes = 0.0, .seconds = solution.seconds};
-  share.peak_memory_bytes = peak_memory_bytes();
+  const SolveOptions asked{.duality_gap = options.gap,
+                           .time_limit = options.time_limit,
+                           .seed = options.seed,
+                           .threads = options.threads};
+  const Certificate relaxed = certify(set, solution.design.weights());
+  report.share = report_without_design(
+      set, method, asked,
+      {.iterations = solution.iterations, .passes = 0.0, .seconds = solution.seconds});
+  report.share.certificate = relaxed;
   report.solution = std::move(solution);
   return report;
 }

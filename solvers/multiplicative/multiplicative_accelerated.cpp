@@ -27,6 +27,47 @@ constexpr double kLargestExponent = 50.0;  // of one extrapolation, either way
 constexpr double kWorthCompacting = 0.1;   // share of the survivors that must be deletable
 constexpr double kNegligibleShare = 1e-17;
 
+// The candidates that are not deleted: their matrices and their places in the set.
+struct Survivors {
+  Survivors(const double* matrices, std::size_t count, double gap)
+      : data(matrices), index(count), target_gap(gap) {
+    std::iota(index.begin(), index.end(), std::size_t{0});
+  }
+
+  const double* data;
+  AlignedArray copy;  // of the matrices, once some are deleted
+  std::vector<std::size_t> index;
+  double target_gap;  // at which all candidates are looked at
+};
+
+// A step along the path of the plain steps.
+struct Extrapolation {
+  std::vector<double> increment, weights, information;
+  double length = 1.0, cap = 4.0;
+};
+
+struct Deletion {
+  std::vector<char> keep;
+  std::vector<double> scratch;
+  double last_frobenius_gap = 1.0;
+};
+
+// The stall rule: log det M must have gained more than rounding in each window of iterations.
+struct StallWatch {
+  double last_log_det = -std::numeric_limits<double>::infinity();
+  std::int64_t next_check = kStallWindow;
+
+  [[nodiscard]] bool gains(std::int64_t iteration, double log_det) {
+    if (iteration < next_check) return true;
+    const double rounding =
+        4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(log_det));
+    const bool has_gained = log_det > last_log_det + rounding;
+    last_log_det = log_det;
+    next_check = iteration + kStallWindow;
+    return has_gained;
+  }
+};
+
 class AcceleratedRun {
  public:
   AcceleratedRun(const InformationSet& set, const SolveOptions& options, SolveObserver* observer)
@@ -34,17 +75,14 @@ class AcceleratedRun {
         tracer_(set, options, observer),
         conditioned_(set, kSensitivityAccuracy * options.duality_gap, tracer_),
         dimension_(static_cast<double>(set.dimension())),
-        data_(conditioned_.set().data()),
-        index_(set.candidate_count()),
+        survivors_(conditioned_.set().data(), set.candidate_count(), options.duality_gap),
         weights_(set.candidate_count(), 1.0 / static_cast<double>(set.candidate_count())),
         information_(conditioned_.uniform_information().begin(),
                      conditioned_.uniform_information().end()),
         factor_(set.dimension()),
-        pass_(set.dimension(), options.threads),
-        survivors_target_(options.duality_gap) {
-    std::iota(index_.begin(), index_.end(), std::size_t{0});
+        pass_(set.dimension(), options.threads) {
     former_ = w_ = second_w_ = weights_;
-    trial_information_ = information_;
+    trial_.information = information_;
     if (!options.start.empty() && begin_from_start()) return;
     if (!factor_.factor(information_)) message_ = "the uniform design is singular";
   }
@@ -58,7 +96,7 @@ class AcceleratedRun {
       const double largest = *std::ranges::max_element(w_);
       const double gap = largest / dimension_ - 1.0;
       tracer_.record(gap, iteration_);
-      if (gap <= std::min(survivors_target_, stop_at()) && confirm()) {
+      if (gap <= std::min(survivors_.target_gap, stop_at()) && confirm()) {
         Claim claim = claim_at(options_.duality_gap, rounding());
         message_ = std::move(claim.message);
         return finish(claim.status);
@@ -78,7 +116,7 @@ class AcceleratedRun {
   }
 
  private:
-  [[nodiscard]] std::size_t count() const { return index_.size(); }
+  [[nodiscard]] std::size_t count() const { return survivors_.index.size(); }
   // The factor is that of former_; information_ has moved on by one plain step, which changes
   // little.
   [[nodiscard]] double rounding() const {
@@ -89,21 +127,21 @@ class AcceleratedRun {
 
   // lambda <- F(lambda) and its M; w: the sensitivities before the step. The factor stays behind.
   void plain_step(std::vector<double>& w) {
-    pass_.run(data_, factor_.trace_dual(), weights_, w, information_);
+    pass_.run(survivors_.data, factor_.trace_dual(), weights_, w, information_);
     tracer_.count_candidates(count());
   }
 
   // False, with nothing changed, where the start's information matrix is singular.
   bool begin_from_start() {
     std::vector<double> first = simplex_start(options_.start);
-    information_matrix(conditioned_.set(), first, trial_information_);
+    information_matrix(conditioned_.set(), first, trial_.information);
     tracer_.count_candidates(static_cast<std::size_t>(
         std::ranges::count_if(first, [](double weight) { return weight > 0.0; })));
-    warm_ = factor_.factor(trial_information_);
+    warm_ = factor_.factor(trial_.information);
     start_unused_ = !warm_;
     if (warm_) {
       weights_ = std::move(first);
-      information_ = trial_information_;
+      information_ = trial_.information;
     }
     return warm_;
   }
@@ -118,7 +156,7 @@ class AcceleratedRun {
 
   void accumulate_information() {
     std::ranges::fill(information_, 0.0);
-    kernels().accumulate(data_, count(), packed(), weights_.data(), information_.data());
+    kernels().accumulate(survivors_.data, count(), packed(), weights_.data(), information_.data());
     tracer_.count_candidates(count());
   }
 
@@ -134,84 +172,77 @@ class AcceleratedRun {
     factorise();
     if (!message_.empty()) return;
     const double plain_log_det = factor_.log_det();
-    watch_progress(plain_log_det);
+    if (!stall_.gains(iteration_, plain_log_det)) {
+      message_ = "no step gains in double precision any more";
+    }
     if (!extrapolate()) return;
-    if (factor_.factor(trial_information_) && factor_.log_det() >= plain_log_det) {
-      std::swap(weights_, trial_);
-      std::swap(information_, trial_information_);
-      if (length_ >= cap_) cap_ *= 2.0;
+    if (factor_.factor(trial_.information) && factor_.log_det() >= plain_log_det) {
+      std::swap(weights_, trial_.weights);
+      std::swap(information_, trial_.information);
+      if (trial_.length >= trial_.cap) trial_.cap *= 2.0;
     } else {
-      cap_ = std::max(1.0, 0.5 * length_);
-      if (cap_ < 2.0) cap_ = 2.0;
+      trial_.cap = std::max(1.0, 0.5 * trial_.length);
+      if (trial_.cap < 2.0) trial_.cap = 2.0;
       factorise();
     }
   }
 
-  // Writes trial_ and trial_information_; false if there is nothing to extrapolate.
+  // Writes the trial; false if there is nothing to extrapolate.
   bool extrapolate() {
-    trial_.resize(count());
-    increment_.resize(count());
+    trial_.weights.resize(count());
+    trial_.increment.resize(count());
     double first = 0.0, second = 0.0;
     constexpr double kTiny = std::numeric_limits<double>::min();
     for (std::size_t i = 0; i < count(); ++i) {
       const double w = std::max(w_[i], kTiny), next = std::max(second_w_[i], kTiny);
-      increment_[i] = std::log(w / dimension_);
-      trial_[i] = std::log(next / w);
-      first += former_[i] * increment_[i] * increment_[i];
-      second += former_[i] * trial_[i] * trial_[i];
+      trial_.increment[i] = std::log(w / dimension_);
+      trial_.weights[i] = std::log(next / w);
+      first += former_[i] * trial_.increment[i] * trial_.increment[i];
+      second += former_[i] * trial_.weights[i] * trial_.weights[i];
     }
-    length_ = second > 0.0 ? std::sqrt(first / second) : cap_;
-    if (!(length_ > 1.0)) return false;
-    length_ = std::min(length_, cap_);
+    trial_.length = second > 0.0 ? std::sqrt(first / second) : trial_.cap;
+    if (!(trial_.length > 1.0)) return false;
+    trial_.length = std::min(trial_.length, trial_.cap);
     double total = 0.0;
     for (std::size_t i = 0; i < count(); ++i) {
-      const double exponent = length_ * (2.0 * increment_[i] + length_ * trial_[i]);
+      const double exponent =
+          trial_.length * (2.0 * trial_.increment[i] + trial_.length * trial_.weights[i]);
       const double bounded = std::clamp(exponent, -kLargestExponent, kLargestExponent);
-      trial_[i] = std::max(former_[i] * std::exp(bounded), kSmallestWeight);
-      total += trial_[i];
+      trial_.weights[i] = std::max(former_[i] * std::exp(bounded), kSmallestWeight);
+      total += trial_.weights[i];
     }
-    for (double& weight : trial_) weight /= total;
-    std::ranges::fill(trial_information_, 0.0);
-    kernels().accumulate(data_, count(), packed(), trial_.data(), trial_information_.data());
+    for (double& weight : trial_.weights) weight /= total;
+    std::ranges::fill(trial_.information, 0.0);
+    kernels().accumulate(survivors_.data, count(), packed(), trial_.weights.data(),
+                         trial_.information.data());
     tracer_.count_candidates(count());
     return true;
   }
 
-  void watch_progress(double log_det) {
-    if (iteration_ < next_check_) return;
-    const double rounding =
-        4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(log_det));
-    if (!(log_det > last_log_det_ + rounding)) {
-      message_ = "no step gains in double precision any more";
-    }
-    last_log_det_ = log_det;
-    next_check_ = iteration_ + kStallWindow;
-  }
-
-  // Marks what the rules can delete by the sensitivities w_ of former_, whose factor is at hand.
+  // Marks what the rules can delete by the sensitivities of former_, whose factor is at hand.
   std::size_t mark_deletable(double largest, double gap) {
     const auto d = conditioned_.set().dimension();
     const double threshold = harman_pronzato_threshold(largest, d);
-    keep_.assign(count(), 1);
+    deletion_.keep.assign(count(), 1);
     std::size_t deletable = 0;
     for (std::size_t i = 0; i < count(); ++i) {
       if (w_[i] >= threshold) continue;
-      keep_[i] = 0;
+      deletion_.keep[i] = 0;
       ++deletable;
     }
-    if (gap > 0.5 * last_frobenius_gap_) return deletable;
-    last_frobenius_gap_ = gap;
+    if (gap > 0.5 * deletion_.last_frobenius_gap) return deletable;
+    deletion_.last_frobenius_gap = gap;
     const FrobeniusRule rule(largest, d);
-    scratch_.resize(2 * d * d);
+    deletion_.scratch.resize(2 * d * d);
     std::size_t read = 0;
     for (std::size_t i = 0; i < count(); ++i) {
       // The norm is at least that of (w_i/d) I: if even that is not deletable, none is.
-      if (keep_[i] == 0 || !rule.deletable(w_[i], w_[i] * w_[i] / dimension_)) continue;
+      if (deletion_.keep[i] == 0 || !rule.deletable(w_[i], w_[i] * w_[i] / dimension_)) continue;
       ++read;
-      const double norm =
-          squared_whitened_norm(data_ + i * packed(), factor_.inverse_factor(), d, scratch_);
+      const double norm = squared_whitened_norm(survivors_.data + i * packed(),
+                                                factor_.inverse_factor(), d, deletion_.scratch);
       if (!rule.deletable(w_[i], norm)) continue;
-      keep_[i] = 0;
+      deletion_.keep[i] = 0;
       ++deletable;
     }
     tracer_.count_candidates(read);
@@ -230,19 +261,20 @@ class AcceleratedRun {
   }
 
   void compact(std::size_t survivors) {
-    if (copy_.empty()) copy_ = AlignedArray(survivors * packed());
+    if (survivors_.copy.empty()) survivors_.copy = AlignedArray(survivors * packed());
     std::size_t to = 0;
     for (std::size_t from = 0; from < count(); ++from) {
-      if (keep_[from] == 0) continue;
-      std::copy_n(data_ + from * packed(), packed(), copy_.data() + to * packed());
-      index_[to] = index_[from];
+      if (deletion_.keep[from] == 0) continue;
+      std::copy_n(survivors_.data + from * packed(), packed(),
+                  survivors_.copy.data() + to * packed());
+      survivors_.index[to] = survivors_.index[from];
       weights_[to] = weights_[from];
       former_[to] = former_[from];
       w_[to] = w_[from];
       ++to;
     }
-    data_ = copy_.data();
-    index_.resize(to);
+    survivors_.data = survivors_.copy.data();
+    survivors_.index.resize(to);
     weights_.resize(to);
     former_.resize(to);
     w_.resize(to);
@@ -259,7 +291,7 @@ class AcceleratedRun {
     const double gap = *std::ranges::max_element(all_w_) / dimension_ - 1.0;
     tracer_.record(gap, iteration_);
     if (gap <= stop_at()) return true;
-    survivors_target_ *= 0.25;
+    survivors_.target_gap *= 0.25;
     return false;
   }
 
@@ -272,7 +304,7 @@ class AcceleratedRun {
     }
     for (std::size_t i = 0; i < count(); ++i) {
       if (former_[i] * std::max(w_[i], 1.0) > kNegligibleShare) {
-        design.weights[index_[i]] = former_[i] / total;
+        design.weights[survivors_.index[i]] = former_[i] / total;
       }
     }
     if (start_unused_) message_ = without_start(message_);
@@ -283,26 +315,19 @@ class AcceleratedRun {
   Tracer tracer_;
   const ConditionedSet conditioned_;
   const double dimension_;
-  // The survivors: their matrices, places in the set, and weights.
-  const double* data_;
-  AlignedArray copy_;
-  std::vector<std::size_t> index_;
+  Survivors survivors_;
   std::vector<double> weights_;
   std::vector<double> information_;
   InverseCholesky factor_;
   ReweighPass pass_;
-  double survivors_target_;
   std::vector<double> former_;    // weights before the iteration's first step
   std::vector<double> w_;         // their sensitivities
   std::vector<double> second_w_;  // sensitivities after the first step
-  std::vector<double> increment_, trial_, trial_information_;
-  double length_ = 1.0, cap_ = 4.0;
-  std::vector<char> keep_;
-  std::vector<double> scratch_, all_w_;
-  double last_frobenius_gap_ = 1.0;
-  double last_log_det_ = -std::numeric_limits<double>::infinity();
+  Extrapolation trial_;
+  Deletion deletion_;
+  StallWatch stall_;
+  std::vector<double> all_w_;
   std::int64_t iteration_ = 0;
-  std::int64_t next_check_ = kStallWindow;
   bool warm_ = false;          // the weights are those of the start
   bool start_unused_ = false;  // it was asked for, but is singular
   std::string message_;

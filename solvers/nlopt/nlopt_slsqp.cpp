@@ -36,6 +36,12 @@ constexpr int kRoundsWithoutProgress = 3;
 constexpr double kSmallestDiagonal = 1e-8;  // of L
 constexpr double kFeasibility = 1e-12;      // of a constraint scaled to tr(L L^T C_i)/tr(C_i)
 
+// The best weights that were priced, with their M, packed, and their gap.
+struct PricedBest {
+  std::vector<double> weights, matrix = {};
+  double gap = std::numeric_limits<double>::infinity();
+};
+
 class SlsqpRun {
  public:
   SlsqpRun(const InformationSet& set, const SolveOptions& options, SolveObserver* observer)
@@ -52,7 +58,7 @@ class SlsqpRun {
         weights_(count_, 1.0 / static_cast<double>(count_)),
         sensitivities_(count_),
         in_working_set_(count_, 0),
-        best_(weights_) {
+        best_{.weights = weights_} {
     tracer_.count_passes(normalized_.passes());
   }
 
@@ -78,7 +84,7 @@ class SlsqpRun {
   bool change_coordinates();   // C_i for M at the best weights
   nlopt_result solve_round();  // leaves L in factor_
   bool recover_weights();      // z from L
-  [[nodiscard]] bool met() const { return best_gap_ <= options_.duality_gap; }
+  [[nodiscard]] bool met() const { return best_.gap <= options_.duality_gap; }
 
   // Calls visit(row, column) for the lower triangle in the order of the variables.
   template <typename Visit>
@@ -106,9 +112,7 @@ class SlsqpRun {
   std::vector<Matrix> constraints_;  // C_0, then C_i of the working set, each over its trace
   std::vector<double> limits_;       // d over the same traces
   NonnegativeQuadratic least_squares_;
-  std::vector<double> best_;
-  std::vector<double> best_matrix_;
-  double best_gap_ = std::numeric_limits<double>::infinity();
+  PricedBest best_;
   nlopt_opt running_ = nullptr;
 };
 
@@ -148,10 +152,10 @@ bool SlsqpRun::price() {
   const double largest = *std::ranges::max_element(sensitivities_);
   const double gap = largest / static_cast<double>(dimension_) - 1.0;
   tracer_.record(gap, evaluations_);
-  if (gap < best_gap_) {
-    best_gap_ = gap;
-    best_ = weights_;
-    best_matrix_ = matrix_;
+  if (gap < best_.gap) {
+    best_.gap = gap;
+    best_.weights = weights_;
+    best_.matrix = matrix_;
   }
   return true;
 }
@@ -207,7 +211,7 @@ bool SlsqpRun::extend_working_set() {
 
 bool SlsqpRun::change_coordinates() {
   Matrix full(dimension_, dimension_);
-  unpack(best_matrix_.data(), normalized_.dimension(), full.data());
+  unpack(best_.matrix.data(), normalized_.dimension(), full.data());
   const Eigen::LLT<Matrix> cholesky(full);
   if (cholesky.info() != Eigen::Success) return false;
   constraints_.clear();
@@ -234,7 +238,7 @@ nlopt_result SlsqpRun::solve_round() {
   running_ = handle.get();
   std::vector<double> lower, start;
   // L = I / sqrt(1 + gap) satisfies every constraint.
-  const double shrink = 1.0 / std::sqrt(1.0 + best_gap_);
+  const double shrink = 1.0 / std::sqrt(1.0 + best_.gap);
   for_each_entry([&](Index row, Index column) {
     lower.push_back(row == column ? kSmallestDiagonal : -HUGE_VAL);
     start.push_back(row == column ? shrink : 0.0);
@@ -294,11 +298,11 @@ Solution SlsqpRun::solve() {
   bool start_unused = false;
   const auto finish = [&](SolveStatus status, std::string message = {}) {
     if (start_unused) message = without_start(message);
-    return tracer_.finish({std::move(best_)}, status, evaluations_, std::move(message));
+    return tracer_.finish({std::move(best_.weights)}, status, evaluations_, std::move(message));
   };
   if (!normalized_.regular()) {
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit, normalized_.message());
-    best_.clear();
+    best_.weights.clear();
     return finish(SolveStatus::kUnsupported, normalized_.message());
   }
   if (!options_.start.empty()) start_unused = !begin_from_start();
@@ -310,8 +314,8 @@ Solution SlsqpRun::solve() {
     if (met()) return finish(SolveStatus::kSolved);
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (evaluations_ >= evaluation_limit_) return finish(SolveStatus::kIterationLimit);
-    const bool progress = best_gap_ <= 0.5 * gap_to_halve;
-    if (progress) gap_to_halve = best_gap_;
+    const bool progress = best_.gap <= 0.5 * gap_to_halve;
+    if (progress) gap_to_halve = best_.gap;
     rounds_without_progress = progress ? 0 : rounds_without_progress + 1;
     if (!regular) break;
     const bool extended = extend_working_set();
@@ -322,7 +326,7 @@ Solution SlsqpRun::solve() {
     if (!recover_weights()) break;
   }
   return finish(SolveStatus::kNumericalFailure,
-                fmt::format("{}, but the duality gap is {:.2g}", nlopt::reason(result), best_gap_));
+                fmt::format("{}, but the duality gap is {:.2g}", nlopt::reason(result), best_.gap));
 }
 
 }  // namespace

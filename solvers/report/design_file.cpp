@@ -16,8 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::string_view kFormat = "graybox-design/1";
-
 Json support_entry(const InformationSet& set, std::size_t index, double weight) {
   Json entry{{"index", index}, {"weight", weight}};
   const auto& names = set.candidates().names;
@@ -72,7 +70,7 @@ Json design_json(const InformationSet& set, const Design& design, const SolveRep
   for (std::size_t i = 0; i < design.weights.size(); ++i) {
     if (design.weights[i] != 0.0) support.push_back(support_entry(set, i, design.weights[i]));
   }
-  Json root{{"format", kFormat},
+  Json root{{"format", kDesignFormat},
             {"written_by", written_by()},
             {"problem", report.problem},
             {"problem_hash", report.problem_hash},

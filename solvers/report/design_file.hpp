@@ -46,6 +46,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "problems/information/information_set.hpp"
@@ -56,6 +57,8 @@
 #include "solvers/report/solve_report.hpp"
 
 namespace graybox {
+
+inline constexpr std::string_view kDesignFormat = "graybox-design/1";
 
 // What a file says. Its certificate is not read: certify() is the one to ask.
 struct DesignFile {

@@ -100,8 +100,8 @@ ReportStatus judge(SolveStatus claim, double asked_gap, const Certificate& certi
                                               : ReportStatus::kClaimedButWrong;
 }
 
-SolveReport judge(const InformationSet& set, std::string_view solver, const SolveOptions& options,
-                  const Solution& solution) {
+SolveReport report_without_design(const InformationSet& set, std::string_view solver,
+                                  const SolveOptions& options, const SolveCounters& counters) {
   SolveReport report;
   report.solver = solver;
   report.problem = set.name();
@@ -109,16 +109,21 @@ SolveReport judge(const InformationSet& set, std::string_view solver, const Solv
   report.dimension = set.dimension();
   report.options = options;
   report.options.start = {};  // its owner need not outlive the report
-  report.counters = solution.counters;
+  report.counters = counters;
+  report.peak_memory_bytes = peak_memory_bytes();
+  report.certificate.duality_gap = std::numeric_limits<double>::infinity();
+  report.certificate.log_det_gap = std::numeric_limits<double>::infinity();
+  report.certificate.log_det = -std::numeric_limits<double>::infinity();
+  report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
+  return report;
+}
+
+SolveReport judge(const InformationSet& set, std::string_view solver, const SolveOptions& options,
+                  const Solution& solution) {
+  SolveReport report = report_without_design(set, solver, options, solution.counters);
   report.account = solution.account;
   report.repair = solution.repair;
-  report.peak_memory_bytes = peak_memory_bytes();
-  if (solution.status == SolveStatus::kUnsupported) {
-    report.certificate.duality_gap = std::numeric_limits<double>::infinity();
-    report.certificate.log_det_gap = std::numeric_limits<double>::infinity();
-    report.certificate.log_det = -std::numeric_limits<double>::infinity();
-    report.certificate.criterion_value = std::numeric_limits<double>::quiet_NaN();
-  } else {
+  if (solution.status != SolveStatus::kUnsupported) {
     report.certificate = certify(set, solution.design, options.criterion, options.duality_gap);
   }
   report.status = judge(solution.status, options.duality_gap, report.certificate);

@@ -59,6 +59,12 @@ struct SolveReport {
 [[nodiscard]] SolveReport judge(const InformationSet& set, std::string_view solver,
                                 const SolveOptions& options, const Solution& solution);
 
+// What a report says of the set, the run and its cost, before there is a design: the gap is
+// infinite.
+[[nodiscard]] SolveReport report_without_design(const InformationSet& set, std::string_view solver,
+                                                const SolveOptions& options,
+                                                const SolveCounters& counters);
+
 // Keys: solver, status, criterion, criterion_value, duality_gap, rounding_bound, log_det,
 // log_det_gap, efficiency, seconds, passes, iterations, support_size, peak_memory_bytes, problem,
 // problem_hash, candidates, dimension, asked_gap, threads, seed, message. Infinite numbers (a

@@ -62,18 +62,189 @@ struct Targets {
   double slack = 0.0;           // c_v
 };
 
+// The best iterate so far.
+struct BestIterate {
+  double gap = kInfinity;
+  Vector weight, reduced_cost;
+};
+
+// What the elimination of all but the weights, t and eta leaves, for each candidate.
+struct Elimination {
+  explicit Elimination(std::size_t count)
+      : stiffness(count),
+        share(count),
+        compliance(count),
+        follow(count),
+        follow_image(count),
+        constant(count),
+        ratios(count) {}
+
+  Vector stiffness;             // h
+  Vector share;                 // kappa
+  Vector compliance;            // 1/(p + q)
+  Vector follow;                // k
+  Vector follow_image;          // K k
+  Vector constant;              // b
+  Vector ratios;                // D
+  double compliance_sum = 0.0;  // tau
+};
+
+// The Newton system at an iterate, factorised, and the directions that it gives.
+class ConcentrationSystem {
+ public:
+  ConcentrationSystem(const NormalizedSet& normal, const ConcentrationLimit& limit,
+                      const SolveOptions& options, Tracer& tracer, NesterovTodd& scaling)
+      : limit_(limit),
+        tracer_(tracer),
+        scaling_(scaling),
+        information_step_(normal, scaling),
+        system_(make_low_rank_primal_system(normal, options.threads)),
+        count_(normal.candidate_count()),
+        positions_(static_cast<double>(limit.positions)),
+        eliminated_(count_),
+        residual_traces_(count_),
+        right_side_(count_),
+        border_{Vector(count_), Vector(count_), Vector(count_)} {}
+
+  // p, q and what follows from them, K + D^-1, and the border with its Schur complement.
+  [[nodiscard]] bool factorise(const Iterate& at) {
+    eliminated_.compliance_sum = at.slack / at.limit_price;
+    double tied = 0.0, fixed = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double p = at.excess_price[i] / at.excess[i];
+      const double q = at.room_price[i] / at.room[i];
+      const double own = at.reduced_cost[i] / at.weight[i];
+      eliminated_.compliance[i] = 1.0 / (p + q);
+      eliminated_.share[i] = q * eliminated_.compliance[i];
+      eliminated_.stiffness[i] = p * eliminated_.share[i];
+      eliminated_.ratios[i] = 1.0 / (own + eliminated_.stiffness[i]);
+      eliminated_.follow[i] = eliminated_.stiffness[i] * eliminated_.ratios[i];
+      const double lag = own * eliminated_.ratios[i];  // 1 - k
+      tied += eliminated_.stiffness[i] * lag;
+      fixed += eliminated_.share[i] * lag;
+      eliminated_.compliance_sum += eliminated_.compliance[i];
+    }
+    if (!system_->factorise(scaling_.inverse_scaling(), eliminated_.ratios)) return false;
+    information_step_.apply_hessian(eliminated_.follow, eliminated_.follow_image);
+    Eigen::Matrix3d schur;
+    schur << 0.0, sum_of(eliminated_.follow), 0.0,  //
+        sum_of(eliminated_.follow), tied + dot(eliminated_.follow, eliminated_.follow_image),
+        positions_ - fixed,  //
+        0.0, positions_ - fixed, -eliminated_.compliance_sum;
+    std::ranges::fill(border_[0], 1.0);
+    border_[1] = eliminated_.follow_image;
+    border_[2] = eliminated_.share;
+    for (int column = 0; column < 3; ++column) {
+      solved_ = border_[static_cast<std::size_t>(column)];
+      system_->solve(solved_);
+      inverse_border_[static_cast<std::size_t>(column)] = solved_;
+      for (int row = 0; row < 3; ++row) {
+        schur(row, column) -= dot(border_[static_cast<std::size_t>(row)], solved_);
+      }
+    }
+    tracer_.count_passes(system_->factorise_passes() + 3.0 * system_->solve_passes() + 2.0);
+    border_factor_.setThreshold(0.0);
+    border_factor_.compute(schur);
+    return schur.allFinite() && border_factor_.isInvertible();
+  }
+
+  // g = tr(G E G^T B_i); again whenever E has changed.
+  void price_residual() {
+    information_step_.residual_traces(residual_traces_);
+    tracer_.count_passes(1.0);
+  }
+
+  // The whole Newton step for the targets and the scaling's E.
+  [[nodiscard]] bool solve(const Iterate& at, const Targets& targets, Iterate& step) {
+    const Eigen::Vector3d border_right = form_right_side(at, targets);
+    solved_ = right_side_;
+    system_->solve(solved_);
+    Eigen::Vector3d x = border_right;
+    for (int row = 0; row < 3; ++row) {
+      x(row) -= dot(border_[static_cast<std::size_t>(row)], solved_);
+    }
+    x = border_factor_.solve(x).eval();
+    step.simplex_price = x(0);
+    step.level = x(1);
+    step.limit_price = x(2);
+    for (std::size_t i = 0; i < count_; ++i) {
+      step.weight[i] = solved_[i] - x(0) * inverse_border_[0][i] - x(1) * inverse_border_[1][i] -
+                       x(2) * inverse_border_[2][i] + eliminated_.follow[i] * x(1);
+    }
+    tracer_.count_passes(system_->solve_passes() + 2.0);
+    recover_pairs(at, targets, step);
+    return std::isfinite(sum_of(step.weight)) && x.allFinite();
+  }
+
+  // The step of M and W that belongs to the last direction.
+  [[nodiscard]] const InformationStep& information_step() const { return information_step_; }
+
+ private:
+  // R = c/lambda + g - b, and the right side of the border.
+  Eigen::Vector3d form_right_side(const Iterate& at, const Targets& targets) {
+    double constants = 0.0, spread = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double from_excess = targets.excess[i] / at.excess[i];
+      const double from_room = targets.room[i] / at.room[i];
+      eliminated_.constant[i] =
+          (1.0 - eliminated_.share[i]) * from_room - eliminated_.share[i] * from_excess;
+      right_side_[i] =
+          residual_traces_[i] + targets.weight[i] / at.weight[i] - eliminated_.constant[i];
+      constants += eliminated_.constant[i];
+      spread += (from_excess + from_room) * eliminated_.compliance[i];
+    }
+    const double missing_price = sum_of(at.room_price) - positions_ * at.limit_price;
+    const double missing_budget =
+        limit_.share - positions_ * at.level - sum_of(at.excess) - at.slack;
+    return {1.0 - sum_of(at.weight),
+            constants + missing_price + dot(eliminated_.follow, right_side_),
+            missing_budget - spread - targets.slack / at.limit_price};
+  }
+
+  // What was eliminated, each in the form that does not cancel.
+  void recover_pairs(const Iterate& at, const Targets& targets, Iterate& step) {
+    information_step_.compute(step.weight, step.reduced_cost);
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double from_excess = targets.excess[i] / at.excess[i];
+      const double from_room = targets.room[i] / at.room[i];
+      const double relative = step.weight[i] - step.level;
+      const double pushed =
+          (from_excess + from_room - step.limit_price) * eliminated_.compliance[i];
+      step.excess[i] = eliminated_.share[i] * relative + pushed;
+      step.room[i] = (eliminated_.share[i] - 1.0) * relative + pushed;
+      step.room_price[i] = eliminated_.stiffness[i] * relative +
+                           eliminated_.share[i] * step.limit_price + eliminated_.constant[i];
+      step.excess_price[i] = from_excess - at.excess_price[i] / at.excess[i] * step.excess[i];
+      step.reduced_cost[i] = step.simplex_price - step.reduced_cost[i] + step.room_price[i];
+    }
+    step.slack = (targets.slack - at.slack * step.limit_price) / at.limit_price;
+  }
+
+  const ConcentrationLimit limit_;
+  Tracer& tracer_;
+  NesterovTodd& scaling_;
+  InformationStep information_step_;
+  std::unique_ptr<PrimalSystem> system_;
+  std::size_t count_;
+  double positions_;  // r
+  Elimination eliminated_;
+  Vector residual_traces_;  // g
+  Vector right_side_, solved_;
+  std::array<Vector, 3> border_;          // 1, K k, kappa
+  std::array<Vector, 3> inverse_border_;  // (K + D^-1)^-1 of them
+  Eigen::FullPivLU<Eigen::Matrix3d> border_factor_;
+};
+
 class ConcentrationNewton {
  public:
   ConcentrationNewton(const NormalizedSet& normal, const ConcentrationLimit& limit,
                       const SolveOptions& options, Tracer& tracer)
-      : normal_(normal),
-        limit_(limit),
+      : limit_(limit),
         options_(options),
         tracer_(tracer),
         evaluator_(normal),
         scaling_(normal.dimension()),
-        information_step_(normal, scaling_),
-        system_(make_low_rank_primal_system(normal, options.threads)),
+        system_(normal, limit, options, tracer, scaling_),
         count_(normal.candidate_count()),
         positions_(static_cast<double>(limit.positions)),
         dimension_(static_cast<double>(normal.dimension())),
@@ -81,17 +252,7 @@ class ConcentrationNewton {
         at_(count_),
         step_(count_),
         targets_(count_),
-        kept_targets_(count_),
-        stiffness_(count_),
-        share_(count_),
-        compliance_(count_),
-        follow_(count_),
-        follow_image_(count_),
-        constant_(count_),
-        ratios_(count_),
-        residual_traces_(count_),
-        right_side_(count_),
-        border_{Vector(count_), Vector(count_), Vector(count_)} {
+        kept_targets_(count_) {
     const auto d = static_cast<Eigen::Index>(normal.dimension());
     w_ = MatrixXd::Identity(d, d);
   }
@@ -108,7 +269,7 @@ class ConcentrationNewton {
       }
       if (iteration_ == 0) start();
       const double gap = measure_gap(evaluator_);
-      since_progress = gap < 0.9 * best_gap_ ? 0 : since_progress + 1;
+      since_progress = gap < 0.9 * best_.gap ? 0 : since_progress + 1;
       keep_if_better(gap);
       if (gap <= target_gap_) return finish(SolveStatus::kSolved);
       if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
@@ -119,7 +280,7 @@ class ConcentrationNewton {
       if (!scaling_.compute(w_, evaluator_.factor(), evaluator_.inverse_factor())) {
         return fail("W is no longer positive definite");
       }
-      if (!factorise()) return fail("the Newton system is numerically singular");
+      if (!system_.factorise(at_)) return fail("the Newton system is numerically singular");
       if (!predict() || !correct() || !centre()) return fail("the Newton step is not finite");
       move();
     }
@@ -160,68 +321,21 @@ class ConcentrationNewton {
 
   void keep_if_better(double gap) {
     tracer_.record(gap, iteration_);
-    if (!(gap < best_gap_) && iteration_ > 0) return;
-    best_gap_ = gap;
-    best_weight_ = at_.weight;
-    best_reduced_cost_ = at_.reduced_cost;
-  }
-
-  // p, q and what follows from them, K + D^-1, and the border with its Schur complement.
-  bool factorise() {
-    compliance_sum_ = at_.slack / at_.limit_price;
-    double tied = 0.0, fixed = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const double p = at_.excess_price[i] / at_.excess[i];
-      const double q = at_.room_price[i] / at_.room[i];
-      const double own = at_.reduced_cost[i] / at_.weight[i];
-      compliance_[i] = 1.0 / (p + q);
-      share_[i] = q * compliance_[i];
-      stiffness_[i] = p * share_[i];
-      ratios_[i] = 1.0 / (own + stiffness_[i]);
-      follow_[i] = stiffness_[i] * ratios_[i];
-      const double lag = own * ratios_[i];  // 1 - k
-      tied += stiffness_[i] * lag;
-      fixed += share_[i] * lag;
-      compliance_sum_ += compliance_[i];
-    }
-    if (!system_->factorise(scaling_.inverse_scaling(), ratios_)) return false;
-    information_step_.apply_hessian(follow_, follow_image_);
-    corner_ << 0.0, sum_of(follow_), 0.0,                                         //
-        sum_of(follow_), tied + dot(follow_, follow_image_), positions_ - fixed,  //
-        0.0, positions_ - fixed, -compliance_sum_;
-    std::ranges::fill(border_[0], 1.0);
-    border_[1] = follow_image_;
-    border_[2] = share_;
-    Eigen::Matrix3d schur = corner_;
-    for (int column = 0; column < 3; ++column) {
-      solved_ = border_[static_cast<std::size_t>(column)];
-      system_->solve(solved_);
-      inverse_border_[static_cast<std::size_t>(column)] = solved_;
-      for (int row = 0; row < 3; ++row) {
-        schur(row, column) -= dot(border_[static_cast<std::size_t>(row)], solved_);
-      }
-    }
-    tracer_.count_passes(system_->factorise_passes() + 3.0 * system_->solve_passes() + 2.0);
-    border_factor_.setThreshold(0.0);
-    border_factor_.compute(schur);
-    return schur.allFinite() && border_factor_.isInvertible();
-  }
-
-  // g = tr(G E G^T B_i); again whenever E has changed.
-  void price_residual() {
-    information_step_.residual_traces(residual_traces_);
-    tracer_.count_passes(1.0);
+    if (!(gap < best_.gap) && iteration_ > 0) return;
+    best_.gap = gap;
+    best_.weight = at_.weight;
+    best_.reduced_cost = at_.reduced_cost;
   }
 
   bool predict() {
-    price_residual();
+    system_.price_residual();
     for (std::size_t i = 0; i < count_; ++i) {
       targets_.weight[i] = -at_.weight[i] * at_.reduced_cost[i];
       targets_.excess[i] = -at_.excess[i] * at_.excess_price[i];
       targets_.room[i] = -at_.room[i] * at_.room_price[i];
     }
     targets_.slack = -at_.slack * at_.limit_price;
-    if (!solve_direction()) return false;
+    if (!system_.solve(at_, targets_, step_)) return false;
 
     const double product = complementarity(0.0);
     const double predicted = complementarity(std::min(1.0, step_to_any_boundary()));
@@ -233,15 +347,15 @@ class ConcentrationNewton {
   }
 
   bool correct() {
-    scaling_.add_second_order(information_step_.scaled_w_step());
-    price_residual();
+    scaling_.add_second_order(system_.information_step().scaled_w_step());
+    system_.price_residual();
     for (std::size_t i = 0; i < count_; ++i) {
       targets_.weight[i] += centring_ - step_.weight[i] * step_.reduced_cost[i];
       targets_.excess[i] += centring_ - step_.excess[i] * step_.excess_price[i];
       targets_.room[i] += centring_ - step_.room[i] * step_.room_price[i];
     }
     targets_.slack += centring_ - step_.slack * step_.limit_price;
-    return solve_direction();
+    return system_.solve(at_, targets_, step_);
   }
 
   // Up to two of Gondzio's (1996) correctors: where a longer step would leave products far from
@@ -252,11 +366,11 @@ class ConcentrationNewton {
     for (int k = 0; k < 2 && reached < 0.95; ++k) {
       kept_targets_ = targets_;
       aim_at_products(std::min(1.0, 1.5 * reached + 0.3));
-      if (!solve_direction()) return false;
+      if (!system_.solve(at_, targets_, step_)) return false;
       const double now = std::min(1.0, step_to_any_boundary());
       if (now < reached + 0.02) {
         std::swap(targets_, kept_targets_);
-        return solve_direction();
+        return system_.solve(at_, targets_, step_);
       }
       reached = now;
     }
@@ -293,63 +407,6 @@ class ConcentrationNewton {
     return sum;
   }
 
-  // The whole Newton step for the targets and the scaling's E.
-  bool solve_direction() {
-    const Eigen::Vector3d border_right = form_right_side();
-    solved_ = right_side_;
-    system_->solve(solved_);
-    Eigen::Vector3d x = border_right;
-    for (int row = 0; row < 3; ++row) {
-      x(row) -= dot(border_[static_cast<std::size_t>(row)], solved_);
-    }
-    x = border_factor_.solve(x).eval();
-    step_.simplex_price = x(0);
-    step_.level = x(1);
-    step_.limit_price = x(2);
-    for (std::size_t i = 0; i < count_; ++i) {
-      step_.weight[i] = solved_[i] - x(0) * inverse_border_[0][i] - x(1) * inverse_border_[1][i] -
-                        x(2) * inverse_border_[2][i] + follow_[i] * x(1);
-    }
-    tracer_.count_passes(system_->solve_passes() + 2.0);
-    recover_pairs();
-    return std::isfinite(sum_of(step_.weight)) && x.allFinite();
-  }
-
-  // R = c/lambda + g - b, and the right side of the border.
-  Eigen::Vector3d form_right_side() {
-    double constants = 0.0, spread = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const double from_excess = targets_.excess[i] / at_.excess[i];
-      const double from_room = targets_.room[i] / at_.room[i];
-      constant_[i] = (1.0 - share_[i]) * from_room - share_[i] * from_excess;
-      right_side_[i] = residual_traces_[i] + targets_.weight[i] / at_.weight[i] - constant_[i];
-      constants += constant_[i];
-      spread += (from_excess + from_room) * compliance_[i];
-    }
-    const double missing_price = sum_of(at_.room_price) - positions_ * at_.limit_price;
-    const double missing_budget =
-        limit_.share - positions_ * at_.level - sum_of(at_.excess) - at_.slack;
-    return {1.0 - sum_of(at_.weight), constants + missing_price + dot(follow_, right_side_),
-            missing_budget - spread - targets_.slack / at_.limit_price};
-  }
-
-  // What was eliminated, each in the form that does not cancel.
-  void recover_pairs() {
-    information_step_.compute(step_.weight, step_.reduced_cost);
-    for (std::size_t i = 0; i < count_; ++i) {
-      const double from_excess = targets_.excess[i] / at_.excess[i];
-      const double from_room = targets_.room[i] / at_.room[i];
-      const double relative = step_.weight[i] - step_.level;
-      const double pushed = (from_excess + from_room - step_.limit_price) * compliance_[i];
-      step_.excess[i] = share_[i] * relative + pushed;
-      step_.room[i] = (share_[i] - 1.0) * relative + pushed;
-      step_.room_price[i] = stiffness_[i] * relative + share_[i] * step_.limit_price + constant_[i];
-      step_.excess_price[i] = from_excess - at_.excess_price[i] / at_.excess[i] * step_.excess[i];
-      step_.reduced_cost[i] = step_.simplex_price - step_.reduced_cost[i] + step_.room_price[i];
-    }
-    step_.slack = (targets_.slack - at_.slack * step_.limit_price) / at_.limit_price;
-  }
-
   static double boundary(double x, double dx) { return dx < 0.0 ? -x / dx : kInfinity; }
 
   // One length for all: a step of the prices without that of the weights would leave W M = I
@@ -362,11 +419,11 @@ class ConcentrationNewton {
                      step_to_boundary(at_.excess_price, step_.excess_price),
                      step_to_boundary(at_.room_price, step_.room_price),
                      boundary(at_.limit_price, step_.limit_price),
-                     scaling_.step_to_boundary(information_step_.scaled_w_step())});
+                     scaling_.step_to_boundary(system_.information_step().scaled_w_step())});
   }
 
   void move() {
-    const double t = std::min(1.0, boundary_fraction(best_gap_) * step_to_any_boundary());
+    const double t = std::min(1.0, boundary_fraction(best_.gap) * step_to_any_boundary());
     for (std::size_t i = 0; i < count_; ++i) {
       at_.weight[i] += t * step_.weight[i];
       at_.excess[i] += t * step_.excess[i];
@@ -379,21 +436,21 @@ class ConcentrationNewton {
     at_.level += t * step_.level;
     at_.limit_price += t * step_.limit_price;
     at_.simplex_price += t * step_.simplex_price;
-    w_ += t * information_step_.w_step();
+    w_ += t * system_.information_step().w_step();
   }
 
   Solution fail(const std::string& message) {
     message_ =
-        fmt::format("{}; best duality gap {:.3g} in {} iterations", message, best_gap_, iteration_);
-    return finish(best_gap_ <= options_.duality_gap ? SolveStatus::kSolved
+        fmt::format("{}; best duality gap {:.3g} in {} iterations", message, best_.gap, iteration_);
+    return finish(best_.gap <= options_.duality_gap ? SolveStatus::kSolved
                                                     : SolveStatus::kNumericalFailure);
   }
 
   Solution finish(SolveStatus status) {
     if (status == SolveStatus::kSolved) clear_negligible_weights();
-    const double sum = sum_of(best_weight_);
-    for (double& weight : best_weight_) weight /= sum;
-    return tracer_.finish({std::move(best_weight_)}, status, iteration_, std::move(message_));
+    const double sum = sum_of(best_.weight);
+    for (double& weight : best_.weight) weight /= sum;
+    return tracer_.finish({std::move(best_.weight)}, status, iteration_, std::move(message_));
   }
 
   // Sets the weights to zero that the pair (lambda_i, s_i) marks as outside the support, if the gap
@@ -402,12 +459,12 @@ class ConcentrationNewton {
     Vector kept(count_);
     for (const double threshold : {1.0, 1e-2, 1e-4}) {
       for (std::size_t i = 0; i < count_; ++i) {
-        const bool inside = best_weight_[i] * dimension_ >= threshold * best_reduced_cost_[i];
-        kept[i] = inside ? best_weight_[i] : 0.0;
+        const bool inside = best_.weight[i] * dimension_ >= threshold * best_.reduced_cost[i];
+        kept[i] = inside ? best_.weight[i] : 0.0;
       }
       if (!restore_limit(kept) || !evaluator_.evaluate(kept)) continue;
       if (measure_gap(evaluator_) > target_gap_) continue;
-      best_weight_ = std::move(kept);
+      best_.weight = std::move(kept);
       return;
     }
   }
@@ -431,14 +488,12 @@ class ConcentrationNewton {
     return true;
   }
 
-  const NormalizedSet& normal_;
   const ConcentrationLimit limit_;
   const SolveOptions& options_;
   Tracer& tracer_;
   DesignEvaluator evaluator_;
   NesterovTodd scaling_;
-  InformationStep information_step_;
-  std::unique_ptr<PrimalSystem> system_;
+  ConcentrationSystem system_;
   std::size_t count_;
   double positions_;  // r
   double dimension_;
@@ -447,25 +502,10 @@ class ConcentrationNewton {
   Iterate at_;
   Iterate step_;
   Targets targets_, kept_targets_;
-  Vector stiffness_;        // h
-  Vector share_;            // kappa
-  Vector compliance_;       // 1/(p + q)
-  Vector follow_;           // k
-  Vector follow_image_;     // K k
-  Vector constant_;         // b
-  Vector ratios_;           // D
-  Vector residual_traces_;  // g
-  Vector right_side_, solved_;
-  double compliance_sum_ = 0.0;           // tau
-  std::array<Vector, 3> border_;          // 1, K k, kappa
-  std::array<Vector, 3> inverse_border_;  // (K + D^-1)^-1 of them
-  Eigen::Matrix3d corner_;
-  Eigen::FullPivLU<Eigen::Matrix3d> border_factor_;
   double centring_ = 0.0;  // sigma mu
   std::vector<Extended> sensitivity_;
   std::int64_t iteration_ = 0;
-  double best_gap_ = kInfinity;
-  Vector best_weight_, best_reduced_cost_;
+  BestIterate best_;
   std::string message_;
 };
 

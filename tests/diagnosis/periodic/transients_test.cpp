@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/free_motion/sampled_plant.hpp"
 #include "diagnosis/free_motion/time_variation.hpp"
 #include "diagnosis/periodic/periodic_mismatch.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"

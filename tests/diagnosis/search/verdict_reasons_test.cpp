@@ -110,6 +110,20 @@ const Change kOfUnknownNoise[] = {
        for (ChannelRest& rest : d.channels_after) rest.held_out_nrmse.reset();
      },
      Verdict::kAmbiguous},
+    {"nothing kept out, and a poor fit",
+     [](Diagnosis& d) {
+       d.validation_after.reset();
+       for (ChannelRest& rest : d.channels_after) rest.held_out_nrmse.reset();
+       d.channels_after[1].nrmse = 24.0;
+     },
+     Verdict::kUnknown},
+    {"nothing seen in the fit that recordings kept out show",
+     [](Diagnosis& d) {
+       d.detection.detected = false;
+       d.validation_after->nrmse = 39.0;
+       d.validation_after->chi_square = 9000.0;
+     },
+     Verdict::kUnknown},
 };
 const Change kOfKnownNoise[] = {
     {"rest", [](Diagnosis& d) { d.rest_test.p_value = 1e-5; }, Verdict::kUnknown},
