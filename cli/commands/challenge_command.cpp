@@ -216,7 +216,8 @@ void add_run(CLI::App& app, Invocation& invocation) {
   command->add_option("--time-limit", options.time_limit, "wall seconds a case")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  command->add_option("--without", options.without, "leave these laws out of the catalogue");
+  command->add_option("--without", options.without,
+                      "leave this law out of the catalogue; once for each");
   command->add_option("--without-named", arguments->without_named,
                       "answers of an earlier run: each case that names laws again, without them");
   command->add_option("--command", arguments->command,

@@ -121,7 +121,7 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
                    "effects to look for, at most (default: 4, or 24 where the noise is not known)")
       ->check(CLI::Range(1, 50));
   command->add_option("--without", arguments->request.search.excluded_laws,
-                      "leave these laws out of the catalogue");
+                      "leave this law out of the catalogue; once for each");
   command->add_option("--laws", arguments->request.law_files,
                       "laws of your own, graybox-laws/1 files, besides the catalogue");
   command->add_option("--places", arguments->request.place_files,

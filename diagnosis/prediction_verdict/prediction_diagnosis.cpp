@@ -320,8 +320,8 @@ struct OtherLook {
   std::unique_ptr<FinalFit> final;
 };
 
-// One sample ahead, beside a disturbance, where the ladder ends without laws. A look that is stopped
-// makes it one that was stopped.
+// One sample ahead, beside a disturbance, where the ladder ends without laws. A look that is
+// stopped makes it one that was stopped.
 std::optional<OtherLook> look_nearer(const LumpedModel& stated, const PredictionData& data,
                                      const PredictionHypotheses& hypotheses,
                                      PredictionSearchOptions options, PredictionFindings& ladder,

@@ -46,6 +46,7 @@ class MassProposal {
     choose_motions();
     if (!draft_.time.is_even) draft_.hold = "first";
     take_held_values();
+    note_held_drive();
     even_ = EvenSamples(log_, draft_.time);
     draft_campaign();
     if (proposal_.questions.empty()) relate_encoders();
@@ -407,6 +408,22 @@ class MassProposal {
                         held->samples, held->samples, draft_.time.sample_time));
       return;
     }
+  }
+
+  // A drive that was read more rarely than the motion: between its readings nobody knows what acts.
+  void note_held_drive() {
+    if (drive_ == nullptr || !(draft_.time.sample_time > 0.0) || draft_.time.every > 1) return;
+    const std::optional<HeldValues> held = find_held_values(without_gaps(drive_->values));
+    if (!held) return;
+    proposal_.notes.push_back(
+        fmt::format("'{}' has a new value every {} rows: it is read every {:g} s, the motion every "
+                    "{:g} s. Unless "
+                    "the command itself is held so, what drives between is not known, and the mass "
+                    "may come out "
+                    "wrong",
+                    drive_->name, held->samples,
+                    rounded_step(static_cast<double>(held->samples) * draft_.time.sample_time),
+                    draft_.time.sample_time));
   }
 
   // Where in a segment of a recording the motion's values begin.

@@ -29,8 +29,8 @@ namespace graybox {
                                          const Eigen::Ref<const Eigen::VectorXd>& values);
 
 // The steps of campaign.hpp. Throw InputError: resample of even samples, at a step more than half
-// longer than the recorded ones (their median and their mean: that would fold), advance of a periodic excitation or by more than
-// a piece has. Each leaves a remark with its error.
+// longer than the recorded ones (their median and their mean: that would fold), advance of a
+// periodic excitation or by more than a piece has. Each leaves a remark with its error.
 void resample(const PreprocessData& context, const Resample& step);
 void advance_channels(const PreprocessData& context, const Advance& step);
 

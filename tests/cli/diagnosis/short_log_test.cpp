@@ -1,5 +1,5 @@
 // Logs so short that a part of them does not show what the whole does, and logs of speeds alone.
-// The machine is a pendulum, J q'' = u - b q' - g sin q.
+// The machines are a pendulum, J q'' = u - b q' - g sin q, and axes with dry friction that sticks.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -108,6 +108,117 @@ TEST_F(ShortLog, SpeedsAloneTellNoWeight) {
   const Json found = diagnosis();
   for (const Json& effect : found["physics"]) EXPECT_NE(effect["law"], "gravity");
   EXPECT_NE(found["verdict"], "explained");
+}
+
+// m v' = u + off - b v - c sign v, which sticks where the rest is below c.
+struct StickingAxis {
+  double mass = 1.0, damping = 0.0, level = 0.0, offset = 0.0;
+  double x = 0.0, v = 0.0;
+
+  void advance(double u, double step) {
+    constexpr int kSteps = 20;
+    const double h = step / kSteps;
+    for (int i = 0; i < kSteps; ++i) {
+      const double push = u + offset - damping * v;
+      if (v == 0.0 && std::abs(push) <= level) continue;
+      const double way = v != 0.0 ? std::copysign(1.0, v) : std::copysign(1.0, push);
+      const double next = v + h * (push - level * way) / mass;
+      v = v != 0.0 && next * v < 0.0 ? 0.0 : next;
+      x += h * v;
+    }
+  }
+};
+
+class StickingLog : public testing::CommandRunner {
+ protected:
+  void write_model(double mass, double damping, double step, const std::string& experiments) {
+    write_text(folder_.file("axis.yaml"), fmt::format(R"(format: graybox-lumped/1
+sample_time: {}
+motion: translation
+masses: {{axis: {}}}
+elements:
+  - name: bearing
+    location: {{kind: element, mass: axis}}
+    law: viscous
+    parameters: {{damping: {{value: {}, unit: N s/m}}}}
+inputs:
+  - {{name: force, mass: axis}}
+outputs:
+  - {{name: position, mass: axis, quantity: position}}
+)",
+                                                      step, mass, damping));
+    write_text(folder_.file("campaign.yaml"), fmt::format(R"(format: graybox-campaign/1
+sample_time: {}
+channels:
+  - {{name: force, unit: N, is: input}}
+  - {{name: position, unit: m, is: output}}
+experiments:
+{})",
+                                                          step, experiments));
+  }
+  [[nodiscard]] Json diagnosis() {
+    const Outcome outcome =
+        graybox("diagnose axis.yaml campaign.yaml --method prediction_error --json");
+    EXPECT_LE(outcome.exit_code, 1) << outcome.err;
+    return Json::parse(outcome.out);
+  }
+  static void expect_size(const Json& found, const std::string& law, const std::string& parameter,
+                          double truth, double share) {
+    for (const Json& effect : found["physics"]) {
+      if (effect["law"] != law) continue;
+      EXPECT_NEAR(effect["parameters"][parameter]["value"].get<double>(), truth, share * truth);
+      return;
+    }
+    ADD_FAILURE() << "no " << law << found["words"].dump(1);
+  }
+};
+
+// A linear axis steps there and back by its position loop. Over short windows a disturbance passes
+// for its friction and its constant force; over the whole recording nothing else does, and the
+// recording kept out confirms both.
+TEST_F(StickingLog, WholeRecordingsTellWhatShortWindowsDoNot) {
+  StickingAxis axis{
+      .mass = 1950.0, .damping = 16100.0, .level = 450.0, .offset = -120.0, .x = -0.005};
+  std::ostringstream rows;
+  rows.precision(9);
+  rows << "force,position\n";
+  for (int k = 0; k < 350; ++k) {
+    const double wanted = k / 50 % 2 == 0 ? 0.005 : -0.005;
+    const double measured = 1e-5 * std::round(1e5 * axis.x);
+    const double force = std::clamp(4e5 * (wanted - measured), -3200.0, 3200.0);
+    rows << force << ',' << measured << '\n';
+    axis.advance(force, 0.01);
+  }
+  write_text(folder_.file("steps.csv"), rows.str());
+  write_model(1900.0, 19000.0, 0.01,
+              "  - {file: steps.csv, segments: [[0, 174]]}\n"
+              "  - {file: steps.csv, segments: [[175, 349]], role: validation}\n");
+  const Json found = diagnosis();
+  EXPECT_EQ(found["physics"].size(), 2U) << found["words"].dump(1);
+  expect_size(found, "coulomb", "level", 450.0, 0.1);
+  expect_size(found, "offset", "value", 120.0, 0.1);
+  EXPECT_EQ(found["verdict"], "explained");
+}
+
+// In motion one way a constant force is dry friction, and the motion kept out goes the other way.
+TEST_F(StickingLog, TheRivalThatHoldsWhereKeptOutIsTaken) {
+  for (const double way : {1.0, -1.0}) {
+    StickingAxis axis{.mass = 0.018, .damping = 0.09, .level = 0.17};
+    std::ostringstream rows;
+    rows.precision(9);
+    rows << "force,position\n";
+    for (int k = 0; k < 150; ++k) {
+      const double turn = 2.0 * std::numbers::pi * 0.02 * k;
+      const double force = way * (0.55 + 0.25 * std::sin(turn / 0.9) + 0.1 * std::sin(turn / 0.37));
+      rows << force << ',' << 0.002 * std::round(500.0 * axis.x) << '\n';
+      axis.advance(force, 0.02);
+    }
+    write_text(folder_.file(way > 0.0 ? "up.csv" : "down.csv"), rows.str());
+  }
+  write_model(0.017, 0.1, 0.02, "  - {file: up.csv}\n  - {file: down.csv, role: validation}\n");
+  const Json found = diagnosis();
+  EXPECT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
+  expect_size(found, "coulomb", "level", 0.17, 0.05);
 }
 
 }  // namespace

@@ -1,0 +1,88 @@
+// Which laws a fit tells at all: sizes from none, and waves from constants.
+#include "diagnosis/predictor/told_law.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "problems/laws/law_catalogue.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr const char* kAxis = R"(format: graybox-lumped/1
+sample_time: 0.01
+motion: rotation
+masses: {axis: 1.0}
+elements:
+  - name: bearing
+    location: {kind: element, mass: axis}
+    law: viscous
+    parameters: {damping: {value: 0.1, unit: N m s/rad}}
+inputs:
+  - {name: torque, mass: axis}
+outputs:
+  - {name: angle, mass: axis, quantity: position}
+)";
+
+PredictionFit fit_with(const std::string& law, const std::vector<double>& values) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("axis.yaml"), kAxis);
+  const LumpedModel axis = load_lumped_model(folder.file("axis.yaml"));
+  LawExtension extension;
+  extension.location = axis.parts.front().location;
+  extension.law = law;
+  extension.base = values;
+  extension.direction.assign(values.size(), 0.0);
+  extension.fixed.assign(values.size(), false);
+  PredictionFit fit;
+  fit.model = extended(as_given(axis, 10.0), extension, 0.0);
+  fit.free = fit.model.free_parameters();
+  return fit;
+}
+
+// Deviations of the free parameters, `of_law` of the law's.
+VectorXd deviations(const PredictionFit& fit, const std::vector<double>& of_law) {
+  VectorXd result = VectorXd::Constant(static_cast<Index>(fit.free.size()), 0.01);
+  for (std::size_t k = 0; k < of_law.size(); ++k) {
+    result(result.size() - static_cast<Index>(of_law.size() - k)) = of_law[k];
+  }
+  return result;
+}
+
+TEST(ToldLaw, AWaveIsToldByItsAmplitudeAndNotByItsPeriod) {
+  const PredictionFit fit = fit_with("ripple", {-0.26, 0.18, 4.0});
+  const PlacedFinding law = fit.model.laws.front();
+  const ToldSize told = told_size(fit, deviations(fit, {0.19, 0.01, 15.0}), law, 2.5);
+  EXPECT_TRUE(told.is_free);
+  EXPECT_FALSE(told.is_told);
+  EXPECT_TRUE(told_size(fit, deviations(fit, {0.05, 0.01, 0.2}), law, 2.5).is_told);
+}
+
+TEST(ToldLaw, FrictionIsToldByItsLevelAndNotByItsTransition) {
+  const PredictionFit fit = fit_with("coulomb", {0.3, 0.01});
+  const PlacedFinding law = fit.model.laws.front();
+  EXPECT_FALSE(told_size(fit, deviations(fit, {0.4, 0.001}), law, 1.0).is_told);
+  EXPECT_TRUE(told_size(fit, deviations(fit, {0.1, 0.1}), law, 1.0).is_told);
+}
+
+TEST(ToldLaw, AWaveLongerThanTheWayIsNone) {
+  const auto is_longer = [](double period, double way) {
+    const PredictionFit fit = fit_with("ripple", {1.0, period, 0.0});
+    Eigen::MatrixXd motion(100, 2);
+    motion.col(0) = VectorXd::LinSpaced(100, 0.0, way);
+    motion.col(1).setOnes();
+    return is_longer_than_the_way(fit, fit.model.laws.front(), motion);
+  };
+  EXPECT_TRUE(is_longer(0.031, 0.012));
+  EXPECT_FALSE(is_longer(0.006, 0.012));
+}
+
+}  // namespace
+}  // namespace graybox
