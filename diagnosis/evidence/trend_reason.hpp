@@ -1,4 +1,4 @@
-// The test whether a law that was found holds on the average only: whether one of its parameters
+// Does a law that was found hold on the average only? The test asks whether one of its parameters
 // changes with the time, the position or the speed (law_trend.hpp).
 #pragma once
 
@@ -11,11 +11,10 @@
 
 namespace graybox {
 
-// Fails where the most significant trend, of those that change a parameter by a tenth of the law's
-// largest in that unit, is
-// 4.5 standard errors from none. The verdict is `unknown` where something changes with time; else
-// the law stands in for another one at its place (`ambiguous`). `trends`: of the effects found;
-// none: not tested, for the reason `why_not`.
+// Only trends count that change a parameter by a tenth of the law's largest in that unit. The test
+// fails where the most significant of them is 4.5 standard errors from none. The verdict is
+// `unknown` where something changes with time. Else the law stands in for another one at its place
+// (`ambiguous`). `trends`: of the effects found; none: not tested, for the reason `why_not`.
 [[nodiscard]] VerdictReason trend_reason(std::span<const LawTrend> trends,
                                          std::span<const FoundEffect> effects, const char* why_not);
 

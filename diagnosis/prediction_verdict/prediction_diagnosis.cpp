@@ -344,15 +344,16 @@ std::optional<OtherLook> look_nearer(const LumpedModel& stated, const Prediction
   return look;
 }
 
-// Whether recordings kept out are foretold twice as well as by the model as given, and each law has
-// its part in that.
+// Whether recordings kept out are foretold well, twice as well as by the model as given, and each
+// law has its part in that.
 bool is_confirmed(const FinalFit& final) {
+  constexpr double kWell = 0.15;              // of the signal
   constexpr double kHalf = 0.5, kPart = 0.9;  // of the error
   const JudgedModel &found = final.found(), &given = final.as_given();
   if (found.horizon != 0 || !found.held_out_error || !given.held_out_error) return false;
   const VectorXd& scale = found.held_out_scale;
   const double left = relative_size(*found.held_out_error, scale);
-  if (left > kHalf * relative_size(*given.held_out_error, scale)) return false;
+  if (left > kWell || left > kHalf * relative_size(*given.held_out_error, scale)) return false;
   if (relative_size(found.error, scale) > kHalf * relative_size(given.error, scale)) return false;
   for (std::size_t l = 0; l < found.fit.model.laws.size(); ++l) {
     const JudgedModel without = final.without(l);
