@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -12,6 +13,13 @@ constexpr double kOpposite = -0.95;  // correlation of two forces
 constexpr double kCancelled = 0.2;   // of each force, left by both
 // Shares of half the motion, and of the slope in the middle.
 constexpr double kMiddle = 1.0 / 3.0, kEnds = 2.0 / 3.0, kSteep = 0.5;
+
+// A weight turns round, too, and may: it is no spring.
+bool is_spring(const LawTrace& law) {
+  constexpr std::array kSprings{"stiffness", "cubic_spring", "dead_zone", "backlash"};
+  return std::ranges::any_of(kSprings,
+                             [&](const char* spring) { return law.name.starts_with(spring); });
+}
 
 // Of a line through points, by least squares; 0 for fewer than three.
 struct SlopeOf {
@@ -50,6 +58,7 @@ bool turns_round(const LawTrace& first, const LawTrace& second) {
   const bool is_known =
       samples > 0 && first.conservative.size() == samples && second.conservative.size() == samples;
   if (first.place != second.place || !is_known) return false;
+  if (!is_spring(first) || !is_spring(second)) return false;
   const auto [low, high] = std::ranges::minmax(first.deflection);
   SlopeOf middle, below, above;
   for (std::size_t t = 0; t < samples; ++t) {

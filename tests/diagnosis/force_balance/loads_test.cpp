@@ -11,6 +11,7 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
@@ -136,6 +137,15 @@ void expect_near(const LawParameterEstimate& estimate, double truth, double larg
 
 const std::string kLoaded = "shoulder.arm with load tool";
 
+// The tests that made the verdict what it is.
+std::string all_failed(const Diagnosis& diagnosis) {
+  std::string words;
+  for (const VerdictReason& reason : diagnosis.reasons) {
+    if (has_failed(reason)) words += reason.test + '\n';
+  }
+  return words;
+}
+
 // Of a drive whose gain is not known all is told in its own unit.
 TEST_F(Loads, FindsTheWeightAndInertiaThatALoadAddsToASingleJoint) {
   for (const double gain : {1.0, 11.3}) {
@@ -154,7 +164,7 @@ TEST_F(Loads, FindsTheWeightAndInertiaThatALoadAddsToASingleJoint) {
     expect_near(weight->parameters[0], 0.0, 0.3 / gain);
     expect_near(weight->parameters[1], truth.load_weight / gain, 0.3 / gain);
     expect_near(inertia->parameters[0], truth.load_inertia / gain, 0.1 / gain);
-    EXPECT_EQ(diagnosis.verdict, Verdict::kExplained);
+    EXPECT_EQ(diagnosis.verdict, Verdict::kExplained) << all_failed(diagnosis);
   }
 }
 

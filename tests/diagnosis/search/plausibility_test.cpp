@@ -215,8 +215,8 @@ TEST(Plausibility, JudgesTheEnergyOfALawWithMemoryByItsSum) {
 TEST(Plausibility, ExcludesSpringsThatPushAwayAtTheEnds) {
   const auto examined = [](double beyond, bool has_spring) {
     FittedPhysics physics;
-    LawTrace spring = swing("stiffness", [](double z, double) { return 3.4 * z; });
-    LawTrace softer = swing("dead zone", [&](double z, double) {
+    LawTrace spring = swing("stiffness at axis", [](double z, double) { return 3.4 * z; });
+    LawTrace softer = swing("dead_zone at axis", [&](double z, double) {
       return beyond * std::copysign(std::max(std::abs(z) - 0.5, 0.0), z);
     });
     spring.place = softer.place = "axis";
