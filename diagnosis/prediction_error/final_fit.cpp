@@ -59,6 +59,8 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   }
   if (!found_.fit.usable) return;  // its motion leaves all bounds at this horizon
   as_given_ = judged_from_both(findings.as_given);
+  // Laws that only made up for another valley.
+  if (as_given_.fit.usable && as_given_.fit.cost <= found_.fit.cost) found_ = as_given_;
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   if (take_plainer_laws()) drop_idle_laws();
