@@ -105,7 +105,8 @@ JudgedModel FinalFit::judged_from_both(const ExtendedLumpedModel& model) const {
   std::copy_n(began.begin(), model.own_parameters(), values.begin());
   JudgedModel other = judged(with_values(model, values), kIterations);
   const bool is_better =
-      other.fit.usable && (!result.fit.usable || other.fit.cost < result.fit.cost);
+      other.fit.usable && (!result.fit.usable || (other.fit.cost < result.fit.cost &&
+                                                  z_between(result.fit, other.fit) > kMissed));
   return is_better ? std::move(other) : std::move(result);
 }
 
