@@ -176,6 +176,14 @@ VerdictReason change_reason(const Diagnosis& diagnosis, const SearchOptions& opt
   return passed;
 }
 
+// Of the laws found where the noise is not known, else of the plant.
+VerdictReason trend_or_change(const Diagnosis& diagnosis, const SearchOptions& options) {
+  const bool has_trends =
+      !diagnosis.noise_is_known && !diagnosis.effects.empty() && !diagnosis.trends.empty();
+  return has_trends ? trend_reason(diagnosis.trends, diagnosis.effects, "")
+                    : change_reason(diagnosis, options);
+}
+
 VerdictReason rivals_reason(const Diagnosis& diagnosis) {
   const char* const test = "other explanations that are not excluded";
   if (!has_weighed(diagnosis)) return not_asked(test, 0.0, kNoTime);
@@ -336,12 +344,13 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     return reasons;
   }
   append(law_reasons(diagnosis), reasons);
+  VerdictReason change = trend_or_change(diagnosis, options);
+  // What changes with time spoils the tests of the rest: it is their cause.
+  const bool comes_first = !diagnosis.noise_is_known && has_failed(change) &&
+                           change.otherwise == Verdict::kUnknown && !diagnosis.time_variation;
+  if (comes_first) reasons.push_back(change);
   append(rest_reasons(diagnosis, options), reasons);
-  if (!diagnosis.noise_is_known && !diagnosis.effects.empty() && !diagnosis.trends.empty()) {
-    reasons.push_back(trend_reason(diagnosis.trends, diagnosis.effects, ""));
-  } else {
-    reasons.push_back(change_reason(diagnosis, options));
-  }
+  if (!comes_first) reasons.push_back(std::move(change));
   if (diagnosis.noise_is_known) append(shape_reasons(diagnosis), reasons);
   if (diagnosis.noise_is_known && diagnosis.validation_after) {
     VerdictReason predicts =

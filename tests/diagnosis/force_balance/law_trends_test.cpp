@@ -14,6 +14,7 @@
 #include <string>
 
 #include "diagnosis/evidence/trend_reason.hpp"
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
@@ -77,6 +78,9 @@ TEST(LawTrends, FrictionThatFadesIsUnknownAndSaysFromWhatToWhat) {
   EXPECT_NEAR(trend.from, 6.0, 0.3);
   EXPECT_NEAR(trend.to, 3.0, 0.3);
   EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
+  // It is named before what it spoils.
+  const auto first = std::ranges::find_if(diagnosis.reasons, has_failed);
+  EXPECT_TRUE(first->test.starts_with("what was found changes")) << first->test;
   EXPECT_NE(trend_words(trend, diagnosis.effects).find("where recordings begin"),
             std::string::npos);
 }
