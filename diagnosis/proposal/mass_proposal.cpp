@@ -417,10 +417,8 @@ class MassProposal {
     if (!held) return;
     proposal_.notes.push_back(
         fmt::format("'{}' has a new value every {} rows: it is read every {:g} s, the motion every "
-                    "{:g} s. Unless "
-                    "the command itself is held so, what drives between is not known, and the mass "
-                    "may come out "
-                    "wrong",
+                    "{:g} s. Unless the command itself is held so, what drives between is not "
+                    "known, and the mass may come out wrong",
                     drive_->name, held->samples,
                     rounded_step(static_cast<double>(held->samples) * draft_.time.sample_time),
                     draft_.time.sample_time));

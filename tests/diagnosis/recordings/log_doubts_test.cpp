@@ -554,6 +554,21 @@ TEST_F(LogDoubts, AHeldMotionIsTakenAtItsOwnRate) {
 
 // ---- splits -------------------------------------------------------------------------------------
 
+// A current that was read every eighth row, beside a motion that was read in each.
+TEST_F(LogDoubts, ADriveThatIsReadMoreRarelyIsTold) {
+  Axis m = axis(1200, 0.01);
+  const auto notes = [&] {
+    return notes_of(
+        proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}}));
+  };
+  EXPECT_EQ(notes().find("has a new value every"), std::string::npos);
+  for (std::size_t k = 0; k < m.force.size(); ++k) m.force[k] = m.force[k - k % 8];
+  EXPECT_NE(notes().find("has a new value every 8 rows: it is read every 0.08 s, the motion every "
+                         "0.01 s"),
+            std::string::npos)
+      << notes();
+}
+
 TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
   const Axis m = axis(70, 0.04);
   const std::string file = write(
