@@ -68,6 +68,12 @@ VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& op
                  "is largest: something acts there that the fit's recordings hardly show");
 }
 
+std::string advice_on_channel(const std::string& channel) {
+  return fmt::format(
+      "look at {}: something acts there that no law found describes, or it is mostly noise",
+      channel);
+}
+
 // Where nothing was kept out, the fit's own errors must pass at least.
 std::vector<VerdictReason> fitted_channel_reasons(const Diagnosis& diagnosis,
                                                   const SearchOptions& options) {
@@ -75,10 +81,7 @@ std::vector<VerdictReason> fitted_channel_reasons(const Diagnosis& diagnosis,
   if (worst == diagnosis.channels_after.end()) return {};
   return {at_most(
       fmt::format("error of the channel fitted worst ({}), % of its signal", worst->channel),
-      worst->nrmse, options.channel_tolerance,
-      fmt::format("look at {}: something acts there that no law found describes, or it "
-                  "is mostly noise",
-                  worst->channel))};
+      worst->nrmse, options.channel_tolerance, advice_on_channel(worst->channel))};
 }
 
 // The channel that is predicted worst: a good figure for all channels together may hide it.
@@ -101,10 +104,7 @@ std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
   }
   if (worst.empty()) return fitted_channel_reasons(diagnosis, options);
   return {at_most(fmt::format("{} ({}), % of its signal", error, worst), largest,
-                  options.channel_tolerance,
-                  fmt::format("look at {}: something acts there that no law found describes, or it "
-                              "is mostly noise",
-                              worst)),
+                  options.channel_tolerance, advice_on_channel(worst)),
           at_most(fmt::format("{} ({})", growth, grown), ratio, options.generalisation,
                   fmt::format("put recordings like those kept out into the fit, and look at {}",
                               grown))};
@@ -176,7 +176,7 @@ VerdictReason change_reason(const Diagnosis& diagnosis, const SearchOptions& opt
   return passed;
 }
 
-// Of the laws found where the noise is not known, else of the plant.
+// The test of what changes: of the laws found where the noise is not known, else of the plant.
 VerdictReason trend_or_change(const Diagnosis& diagnosis, const SearchOptions& options) {
   const bool has_trends =
       !diagnosis.noise_is_known && !diagnosis.effects.empty() && !diagnosis.trends.empty();

@@ -6,8 +6,6 @@
 
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/balance_uncertainty.hpp"
-#include "diagnosis/inverse_dynamics/weighted_regression.hpp"
-#include "diagnosis/signals/long_run_variance.hpp"
 
 namespace graybox {
 namespace {
@@ -46,13 +44,12 @@ class BalanceTrends {
  public:
   BalanceTrends(const ForceBalanceData& data, std::span<const PlacedLaw> laws,
                 const Eigen::MatrixXd& residuals)
-      : rows_(data.estimation), noise_(rms_of(rows_, residuals)), rest_(residuals) {
-    columns_ = information_columns(data, laws, noise_, of_laws_);
-    model_ = rows_.model.count;
+      : rows_(data.estimation), model_(rows_.model.count) {
+    const Eigen::VectorXd noise = rms_of(rows_, residuals);
+    rest_ = residuals * noise.cwiseInverse().asDiagonal();
+    columns_ = information_columns(data, laws, noise, of_laws_);
     basis_.resize(columns_.rows(), 0);
     is_seen_ = extend_basis(columns_, basis_);
-    rest_ = residuals * noise_.cwiseInverse().asDiagonal();
-    for (const Motion& piece : rows_.pieces) pieces_.push_back(piece.samples());
   }
 
   [[nodiscard]] LawTrend most_of(std::size_t l, const PlacedLaw& law,
@@ -94,22 +91,18 @@ class BalanceTrends {
     const double slope = own.cwiseProduct(rest_).sum() / square;
     const Eigen::VectorXd score =
         own.cwiseProduct(rest_ - slope * own).rowwise().sum();  // what the trend leaves
-    const PrewhitenedScores scores(score, pieces_);
-    const Index lags = andrews_lags(scores.whitened_correlations(), scores.samples());
-    const double variance = scores.long_run_variance(lags)(0, 0);
+    const double variance = covariance_of_sums(rows_, score, 0)(0, 0);
     if (!(variance > 0.0)) return {0.0, 0.0};
     return {slope, slope * square / std::sqrt(variance)};
   }
 
   const ForceBalanceRows& rows_;
-  Eigen::VectorXd noise_;
+  Index model_;              // columns of the model's own parameters
   Eigen::MatrixXd rest_;     // residuals over the noise, samples x coordinates
   Eigen::MatrixXd columns_;  // of all parameters, coordinate after coordinate
   Eigen::MatrixXd basis_;
   std::vector<bool> is_seen_;  // columns that those before leave something of
   std::vector<LawColumn> of_laws_;
-  Index model_ = 0;  // columns of the model's own parameters
-  std::vector<Index> pieces_;
 };
 
 }  // namespace

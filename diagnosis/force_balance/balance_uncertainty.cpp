@@ -90,17 +90,6 @@ Influences influences(const ForceBalanceRows& rows, const Eigen::MatrixXd& colum
   return {std::move(result), std::move(of_prior)};
 }
 
-// Covariance of estimates from their influences, which follow each other in time.
-Eigen::MatrixXd covariance(const ForceBalanceRows& rows, const Eigen::MatrixXd& influence,
-                           Index fitted) {
-  std::vector<Index> pieces;
-  for (const Motion& piece : rows.pieces) pieces.push_back(piece.samples());
-  const PrewhitenedScores scores(influence, std::move(pieces));
-  const Index lags = andrews_lags(scores.whitened_correlations(), scores.samples());
-  const auto count = static_cast<double>(rows.force.size());
-  return count / (count - static_cast<double>(fitted)) * scores.long_run_variance(lags);
-}
-
 // What each recording adds to the errors of the estimates, a row each.
 Eigen::MatrixXd recording_sums(const ForceBalanceRows& rows, const Eigen::MatrixXd& influence) {
   Eigen::MatrixXd sums(0, influence.cols());
@@ -118,6 +107,16 @@ Eigen::MatrixXd recording_sums(const ForceBalanceRows& rows, const Eigen::Matrix
 }
 
 }  // namespace
+
+Eigen::MatrixXd covariance_of_sums(const ForceBalanceRows& rows, const Eigen::MatrixXd& scores,
+                                   Eigen::Index fitted) {
+  std::vector<Index> pieces;
+  for (const Motion& piece : rows.pieces) pieces.push_back(piece.samples());
+  const PrewhitenedScores whitened(scores, std::move(pieces));
+  const Index lags = andrews_lags(whitened.whitened_correlations(), whitened.samples());
+  const auto count = static_cast<double>(rows.force.size());
+  return count / (count - static_cast<double>(fitted)) * whitened.long_run_variance(lags);
+}
 
 Eigen::MatrixXd information_columns(const ForceBalanceData& data, std::span<const PlacedLaw> laws,
                                     const Eigen::VectorXd& noise, std::vector<LawColumn>& of_laws) {
@@ -175,7 +174,8 @@ BalanceDeviations balance_deviations(const ForceBalanceData& data, std::span<con
   Eigen::VectorXd deviation = Eigen::VectorXd::Constant(all.cols(), kUnknown);
   for (std::size_t k = 0; k < seen.size(); ++k) {
     const auto own = static_cast<Index>(k);
-    const double within = std::sqrt(covariance(rows, influence.of_data.col(own), all.cols())(0, 0));
+    const double within =
+        std::sqrt(covariance_of_sums(rows, influence.of_data.col(own), all.cols())(0, 0));
     const double of_data = std::max(within, between(own));
     deviation(seen[k]) = std::hypot(of_data, influence.of_prior.col(own).norm());
   }
@@ -203,7 +203,7 @@ std::vector<double> wald_statistics(const ForceBalanceData& data,
     const auto at = Eigen::seqN(model + first, law.count);
     const Eigen::MatrixXd of_prior = influence.of_prior(Eigen::all, at);
     const Eigen::MatrixXd own =
-        covariance(rows, influence.of_data(Eigen::all, at), columns.cols()) +
+        covariance_of_sums(rows, influence.of_data(Eigen::all, at), columns.cols()) +
         of_prior.transpose() * of_prior;
     const Eigen::VectorXd amplitudes = fitted.amplitudes.segment(first, law.count);
     result.push_back(amplitudes.dot(own.completeOrthogonalDecomposition().solve(amplitudes)));

@@ -19,6 +19,12 @@
 
 namespace graybox {
 
+// Covariance of sums over time of such scores (samples x sums), which follow one another. `fitted`:
+// so many parameters were, by which the residuals in them are too small.
+[[nodiscard]] Eigen::MatrixXd covariance_of_sums(const ForceBalanceRows& rows,
+                                                 const Eigen::MatrixXd& scores,
+                                                 Eigen::Index fitted);
+
 // A parameter of a law, as one column of the information about all.
 struct LawColumn {
   std::size_t law = 0, parameter = 0;

@@ -45,7 +45,7 @@ struct FreePlant {
   std::vector<Eigen::MatrixXcd> motion;    // z C (z I - A)^-1, n_y x 2n each
   std::vector<Eigen::MatrixXcd> response;  // G
   Eigen::VectorXd departure_size;          // 2n, what |d| is expected to be at most
-  // Of the last round:
+  // The last round of the fit left these two:
   Eigen::LLT<Eigen::MatrixXd> information;  // of d, scaled by its size
   Eigen::VectorXd leverage;                 // of each bin between lines, mean over the outputs
 
@@ -56,10 +56,10 @@ struct FreeRecord {
   MeasuredRecord* record = nullptr;
   std::size_t plant = 0;      // of all FreePlants
   Eigen::MatrixXcd periodic;  // q of the steady state, n x (K + 1), n with masses that swing
-  // Of own forces and laws under it, n x (B + 1); empty: not asked yet.
+  // The force of own forces and laws under it, n x (B + 1); empty: not asked yet.
   Eigen::MatrixXcd periodic_force;
   Eigen::MatrixXcd excess;  // Y - G U, n_y x (B + 1)
-  // Of the last round:
+  // The last round of the fit left what follows.
   Eigen::VectorXd departure;  // d
   // q by what own forces and laws add with the free motion, n x (B + 1); empty: nothing.
   Eigen::MatrixXcd own;

@@ -21,7 +21,7 @@ bool is_spring(const LawTrace& law) {
                              [&](const char* spring) { return law.name.starts_with(spring); });
 }
 
-// Of a line through points, by least squares; 0 for fewer than three.
+// The slope of a line through points, by least squares; 0 for fewer than three.
 struct SlopeOf {
   double n = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
 

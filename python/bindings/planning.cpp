@@ -106,17 +106,32 @@ py::list rows_of(const PlanQuestion& asked, const std::vector<double>& errors) {
   return rows;
 }
 
+// What was asked, all of it fit for a plan.
+struct CheckedPlan {
+  DesignRequest request;
+  PlanQuestion asked;
+  PlanOptions options;
+};
+
+CheckedPlan checked_plan(const PythonSet& python_set, const py::dict& arguments,
+                         const py::dict& asked_request) {
+  CheckedPlan checked{request_of(asked_request), question_of(arguments, python_set.set()), {}};
+  require_plannable(checked.request, checked.asked.noise);
+  require_regular(python_set, checked.request);
+  checked.options = options_of(arguments);
+  return checked;
+}
+
 py::dict plan(const PythonSet& python_set, const py::dict& arguments, const py::dict& asked_request,
               const py::object& progress) {
   const InformationSet& set = python_set.set();
-  const DesignRequest request = request_of(asked_request);
-  const PlanQuestion asked = question_of(arguments, set);
-  require_plannable(request, asked.noise);
-  require_regular(python_set, request);
-  const PlanOptions options = options_of(arguments);
+  const CheckedPlan checked = checked_plan(python_set, arguments, asked_request);
+  const PlanQuestion& asked = checked.asked;
   Call call(progress);
-  ExperimentPlan found = call.run(
-      [&] { return plan_experiments(set, constraints_of(request, set), asked.targets, options); });
+  ExperimentPlan found = call.run([&] {
+    return plan_experiments(set, constraints_of(checked.request, set), asked.targets,
+                            checked.options);
+  });
   py::dict fields;
   fields["interrupted"] = call.interrupted();
   fields["status"] = to_string(found.status);
@@ -135,14 +150,12 @@ py::list plan_curve(const PythonSet& python_set, const std::vector<std::int64_t>
                     const py::dict& arguments, const py::dict& asked_request,
                     const py::object& progress) {
   const InformationSet& set = python_set.set();
-  const DesignRequest request = request_of(asked_request);
-  const PlanQuestion asked = question_of(arguments, set);
-  require_plannable(request, asked.noise);
-  require_regular(python_set, request);
-  const PlanOptions options = options_of(arguments);
+  const CheckedPlan checked = checked_plan(python_set, arguments, asked_request);
+  const PlanQuestion& asked = checked.asked;
   Call call(progress);
   const std::vector<PrecisionPoint> points = call.run([&] {
-    return precision_curve(set, constraints_of(request, set), asked.targets, experiments, options);
+    return precision_curve(set, constraints_of(checked.request, set), asked.targets, experiments,
+                           checked.options);
   });
   if (call.interrupted()) throw Stopped();
   py::list rows;

@@ -15,6 +15,8 @@ import time
 
 import numpy as np
 
+from whitened_set import whitened
+
 try:
     from cvxopt import matrix, solvers
 except ImportError:
@@ -23,12 +25,8 @@ except ImportError:
 problem, design, gap, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4])
 packed = np.load(problem)
 start = time.monotonic()
-count, d = len(packed), int(np.sqrt(2 * packed.shape[1]))
-rows, columns = np.tril_indices(d)
-full = np.zeros((count, d, d))
-full[:, rows, columns] = full[:, columns, rows] = packed
-root = np.linalg.inv(np.linalg.cholesky(full.mean(axis=0)))
-full = root @ full @ root.T
+full, rows, columns = whitened(packed)
+count, d = full.shape[:2]
 
 # svec: lower triangles with off-diagonals times sqrt 2, so that tr(A B) = svec(A)' svec(B).
 weight = np.where(rows == columns, 1.0, np.sqrt(2.0))

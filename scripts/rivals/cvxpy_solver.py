@@ -14,6 +14,8 @@ import time
 
 import numpy as np
 
+from whitened_set import whitened
+
 try:
     import cvxpy
 except ImportError:
@@ -28,12 +30,8 @@ TOLERANCES = {"CLARABEL": ("tol_gap_abs", "tol_gap_rel", "tol_feas"), "SCS": ("e
 
 packed = np.load(problem)
 start = time.monotonic()
-count, d = len(packed), int(np.sqrt(2 * packed.shape[1]))
-rows, columns = np.tril_indices(d)
-full = np.zeros((count, d, d))
-full[:, rows, columns] = full[:, columns, rows] = packed
-root = np.linalg.inv(np.linalg.cholesky(full.mean(axis=0)))
-full = root @ full @ root.T
+full = whitened(packed)[0]
+count, d = full.shape[:2]
 
 weights = cvxpy.Variable(count, nonneg=True)
 information = cvxpy.reshape(full.reshape(count, d * d).T @ weights, (d, d), order="C")
