@@ -275,6 +275,13 @@ VerdictReason plausibility_reason(const Diagnosis& diagnosis) {
                  count > 0 ? diagnosis.implausible.front().remedy : "");
 }
 
+VerdictReason memory_reason(const Diagnosis& diagnosis, const SearchOptions& options) {
+  return at_most("part of the rest that follows from its own past, % of the signal",
+                 diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
+                 "a disturbance with memory, or physics that none of these laws describes: record "
+                 "what may disturb (temperature, supply, floor), or try laws of your own (--laws)");
+}
+
 }  // namespace
 
 std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const SearchOptions& options) {
@@ -283,13 +290,7 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
   if (!diagnosis.noise_is_known) {
     std::vector<VerdictReason> reasons = {generalisation(diagnosis, options)};
     append(channel_reasons(diagnosis, options), reasons);
-    append({motion_reason(diagnosis, options, look),
-            at_most("part of the rest that follows from its own past, % of the signal",
-                    diagnosis.autocorrelated_error.value_or(0.0), options.autocorrelation_tolerance,
-                    "a disturbance with memory, or physics that none of these laws describes: "
-                    "record what may disturb "
-                    "(temperature, supply, floor), or try laws of your own (--laws)")},
-           reasons);
+    append({motion_reason(diagnosis, options, look), memory_reason(diagnosis, options)}, reasons);
     return reasons;
   }
   const char* const kept_out = diagnosis.validation_within_errors
@@ -309,6 +310,23 @@ VerdictReason nothing_kept_out() {
                 "keep some of them out (role: validation) and diagnose again: nothing has tested "
                 "what was found",
                 Verdict::kAmbiguous);
+}
+
+bool is_not_confirmed(const FoundEffect& effect) {
+  constexpr double kMuch = 15.0, kNotSmall = 5.0;  // % of the signal
+  constexpr double kHalfMore = 1.5;
+  if (!effect.held_out || !effect.held_out->misleads) return false;
+  const double with_law = effect.held_out->error_with, without = effect.held_out->error_without;
+  return with_law > kMuch || (with_law > kNotSmall && with_law > kHalfMore * without);
+}
+
+VerdictReason sizes_hold_reason(const Diagnosis& diagnosis) {
+  constexpr double kSmallError = 3.0;  // % of the signal
+  const auto& change = diagnosis.kept_out_change;
+  const bool matters = change && change->error_predicted > kSmallError;
+  return at_most(kSizesTest, matters ? static_cast<double>(change->sizes.size()) : 0.0, 0.0,
+                 "physics that is missing here may need all recordings to show: fit them together, "
+                 "or record what differs between them");
 }
 
 std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
@@ -336,6 +354,18 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
       reasons.push_back(std::move(kept_out));
       return reasons;
     }
+  }
+  // Much that is left is noise only if it has no memory.
+  if (!diagnosis.detection.detected && !diagnosis.noise_is_known &&
+      diagnosis.after.estimation.nrmse > options.channel_tolerance) {
+    reasons.push_back(memory_reason(diagnosis, options));
+    if (has_failed(reasons.back())) return reasons;
+    append(channel_reasons(diagnosis, options), reasons);
+    if (std::ranges::any_of(reasons, has_failed)) return reasons;
+  }
+  if (!diagnosis.detection.detected && diagnosis.kept_out_change) {
+    reasons.push_back(sizes_hold_reason(diagnosis));
+    if (has_failed(reasons.back())) return reasons;
   }
   if (!diagnosis.detection.detected) {
     reasons.push_back(failed("something is missing",

@@ -25,7 +25,16 @@ namespace graybox {
 
 [[nodiscard]] Verdict verdict_of(std::span<const VerdictReason> reasons);
 
+// Whether recordings kept out speak against a law: it raises their error, and that is large then,
+// or half as large again. A law that raises a small error a little may be right.
+[[nodiscard]] bool is_not_confirmed(const FoundEffect& effect);
+
+// A model that needs other sizes of its own for the recordings kept out lacks something, whatever
+// laws were tried. Passed where the error that they would take is a few percent of the signal.
+[[nodiscard]] VerdictReason sizes_hold_reason(const Diagnosis& diagnosis);
+
 // How the texts of these tests begin.
+inline constexpr const char* kSizesTest = "sizes that recordings kept out ask to be others";
 inline constexpr const char* kLateTest = "being late";
 inline constexpr const char* kKeptOutTest = "recordings that were kept out of the fit";
 

@@ -325,6 +325,16 @@ class OneMassSearch {
     return moves > 0.0 && drives > 0.0 ? std::sqrt(drives / moves) : 1.0;
   }
 
+  // Where nothing is told: damping that takes the motion's power, and an inertia that settles in a
+  // few samples, so that a fit begins in the units of the log.
+  [[nodiscard]] OneMassStart scaled(OneMassStart start) const {
+    constexpr double kSettles = 10.0;  // samples
+    if (!(log_.force.squaredNorm() > 0.0)) return start;
+    start.damping = usual_damping();
+    start.inertia = kSettles * log_.sample_time * start.damping;
+    return start;
+  }
+
   [[nodiscard]] OneMassStart start_of(const MassCandidate& chosen) const {
     OneMassStart start;
     const SegmentSolution& solution = chosen.solution;
@@ -334,7 +344,7 @@ class OneMassSearch {
     const double least = kLeast * usual_damping();
     start.spread = chosen.error;
     start.has_value = std::isfinite(inertia) && (inertia > 0.0 || chosen.error < kToldEnough);
-    if (!start.has_value) return start;
+    if (!start.has_value) return scaled(start);
     start.inertia = std::abs(inertia);
     start.damping = std::max(least, solution.pole * start.inertia);
     if (!(chosen.error < kToldEnough)) return start;

@@ -41,7 +41,7 @@ struct OneMassLog {
 
 enum class OneMassTold {
   kInertia,   // the log tells it
-  kNothing,   // its error is above a third; values are what fits best, or 1 and 0.01
+  kNothing,   // its error is above a third; values are what fits best, or scales of the log
   kReversed,  // the inertia is negative by three errors: values of the drive with its sign turned
 };
 

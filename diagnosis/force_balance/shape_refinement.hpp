@@ -16,10 +16,10 @@
 
 namespace graybox {
 
-// Friction whose transition is wider is no friction but a damper: a quarter of the speed that nine
+// Friction whose transition is wider is no friction but a damper: half of the speed that nine
 // samples in ten stay below.
 [[nodiscard]] inline double widest_transition(const MotionScale& scale) {
-  return 0.25 * scale.rate(0.9);
+  return 0.5 * scale.rate(0.9);
 }
 
 struct RefinedLaw {

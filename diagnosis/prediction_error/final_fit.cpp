@@ -69,9 +69,10 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
     found_.deviations =
         with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
   } while (drop_undetermined_law());
-  // Without laws both are fits of one model, from other starts.
+  // Without laws both are fits of one model, from other starts: the one that foretells better.
   if (found_.fit.model.laws.empty() && as_given_.fit.usable &&
-      as_given_.fit.cost < found_.fit.cost) {
+      relative_size(as_given_.error, data.output_scale()) <
+          relative_size(found_.error, data.output_scale())) {
     found_ = as_given_;
     found_.deviations =
         with_disagreement(deviations_of(fitter(task_).with_steady_slopes(found_.fit, weights_)));
@@ -131,6 +132,26 @@ bool FinalFit::has_skill(const VectorXd& error) const {
   return (error.array() < limit * data_->output_scale().array()).all();
 }
 
+// Whether the laws foretell whole recordings: what a disturbance does to them is next to nothing.
+bool FinalFit::runs_true() const {
+  constexpr double kNext = 0.02;  // of the signal
+  return judged_by_.is_free() && !found_.fit.model.laws.empty() &&
+         (found_.error.array() < kNext * data_->output_scale().array()).all();
+}
+
+// Whether whole recordings need a law that short windows beside a disturbance do not: these are
+// foretold with it, and not without it, however the rest is fitted.
+bool FinalFit::is_needed_in_free_run(const JudgedModel& without) const {
+  constexpr double kWell = 0.05, kTimes = 3.0;  // of the signal, and of the error
+  if (!judged_by_.is_free() || task_.is_free()) return false;
+  const VectorXd& scale = data_->output_scale();
+  const double with = relative_size(found_.error, scale);
+  if (with > kWell || relative_size(without.error, scale) < kTimes * with) return false;
+  const PredictionFitter whole = fitter(judged_by_);
+  const PredictionFit refit = whole.fit(without.fit.model, scale, {}, kIterations);
+  return !refit.usable || relative_size(whole.errors(refit, scale), scale) > kTimes * with;
+}
+
 // The likeliest of the fit as it is and the fits beside a disturbance is taken. One that leaves
 // much more over longer runs is not: there more is missing than a disturbance.
 void FinalFit::fit_beside_disturbance() {
@@ -138,6 +159,7 @@ void FinalFit::fit_beside_disturbance() {
   if (findings_->has_free_run) return;
   const UnmodelledForce rest(*data_, *findings_, found_.fit.model, threads_);
   if (rest.force() == nullptr || rest.multiple_of_noise() <= kNoiseMultiple) return;
+  if (runs_true()) return;
   const Index first = data_->first_horizon();
   const Index longest = rest.foreseeable(kDisturbed).value_or(first);
   remaining_ = rest.force()->disturbance;
@@ -527,6 +549,11 @@ double FinalFit::white_evidence(const PredictionTask& task, const PredictionFit&
   return more / left * static_cast<double>(richer.residuals.size());
 }
 
+bool FinalFit::takes_most(const JudgedModel& without, double z) const {
+  return graybox::takes_most(1.0 - found_.fit.cost / without.fit.cost,
+                             white_evidence(task_, without.fit, found_.fit), z);
+}
+
 // One sample ahead a law must predict what was kept out, too: there a better state is no excuse.
 bool FinalFit::is_borne_out(const JudgedModel& without) const {
   constexpr double kHeldOutEvidence = 25.0;  // chi-square
@@ -566,6 +593,7 @@ bool FinalFit::drop_undetermined_law() {
     const bool is_wave = fit.model.model.parts[law.part].law_name == "ripple";
     const ToldSize size = told_size(fit, found_.deviations, law, is_wave ? kToldFromNone : 1.0);
     const bool is_told = size.is_told && !has_loose_frequency(fit, found_.deviations, law) &&
+                         !swings_too_slowly(fit, law, *data_) && !is_late_at_bound(fit, law) &&
                          !is_longer_than_the_way(fit, law, motion());
     if (!size.is_free || is_told) continue;
     JudgedModel without = judged(without_part(fit.model, law.part), kIterations);
@@ -642,6 +670,8 @@ void FinalFit::drop_idle_laws() {
           is_nothing ? -kMissed : hypotheses_->z_of_law(law.hypothesis, poorer.fit, found_.fit);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
+      if (hypotheses_->is_plain_force(law.hypothesis) && takes_most(poorer, z)) continue;
+      if (is_needed_in_free_run(poorer)) continue;
       least = z;
       poorest = std::move(poorer);
     }

@@ -138,6 +138,9 @@ class FinalFit {
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
   [[nodiscard]] double white_evidence(const PredictionTask& task, const PredictionFit& poorer,
                                       const PredictionFit& richer) const;
+  [[nodiscard]] bool takes_most(const JudgedModel& without, double z) const;
+  [[nodiscard]] bool runs_true() const;
+  [[nodiscard]] bool is_needed_in_free_run(const JudgedModel& without) const;
   [[nodiscard]] bool is_borne_out(const JudgedModel& without) const;
   [[nodiscard]] double least_z() const;
   bool take_better_places();

@@ -247,9 +247,9 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
     add(place, yaml, "dead_zone");
   } else {
     add(place, yaml, "offset");
-    add(place, yaml, "rectifier");
     using enum LumpedOutput::Quantity;
     const auto quantity = model.outputs[channel].quantity;
+    if (quantity != kPosition) add(place, yaml, "rectifier");  // no encoder counts without a sign
     if (quantity == kAcceleration || quantity == kVelocity) add(place, yaml, "resonance");
   }
   const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
@@ -270,6 +270,10 @@ std::optional<std::size_t> PredictionHypotheses::at_sensor(std::size_t output,
 
 bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
   return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
+}
+
+bool PredictionHypotheses::is_plain_force(std::size_t hypothesis) const {
+  return is_plain(hypothesis) && locations_[hypothesis].kind == LocationKind::kElement;
 }
 
 bool PredictionHypotheses::is_late_channel(std::size_t hypothesis) const {
@@ -314,7 +318,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   constexpr std::array kWideTransitions{0.1, 0.4};
   constexpr double kSpeeds = 1.5;     // a motion of one speed tells no law of speeds
   constexpr double kBothWays = 0.02;  // of the squared velocity, in the direction that has less
-  constexpr double kSlides = 0.4;     // of the fastest motion; what needs more is viscous
+  constexpr double kSlides = 0.6;     // of the fastest motion; what needs more is viscous
   const Location& place = plain.location;
   const LumpedModel& model = present.model;
   bool is_imposed = true;

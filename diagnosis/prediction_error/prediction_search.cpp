@@ -11,6 +11,7 @@
 #include "diagnosis/prediction_error/friction_group.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/prediction_error/unsigned_outputs.hpp"
+#include "diagnosis/predictor/told_law.hpp"
 
 namespace graybox {
 namespace {
@@ -279,7 +280,9 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     one.z = hypotheses_->z_of_law(one.hypothesis, state.fit, one.fit);
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
-    one.ran_away = has_run_away(one.fit) || pushes_away(one.fit);
+    one.ran_away = has_run_away(one.fit) || pushes_away(one.fit) ||
+                   swings_too_slowly(one.fit, one.fit.model.laws.back(), *data_) ||
+                   is_late_at_bound(one.fit, one.fit.model.laws.back());
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
 }
@@ -308,11 +311,16 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     return is_near_noise ? std::max(least, options_.least_gain_near_noise) : least;
   };
   const auto is_good = [&](const TriedLaw& law) {
-    return law.is_possible() && law.z > options_.errors_of_gain && law.gain > least_gain(law) &&
+    const bool is_told =
+        law.z > options_.errors_of_gain ||
+        (hypotheses_->is_plain_force(law.hypothesis) && takes_most(law.gain, law.evidence, law.z));
+    return law.is_possible() && is_told && law.gain > least_gain(law) &&
            law.evidence >= options_.least_evidence;
   };
+  // In motion one way a constant force is as good as dry friction, which every machine has.
   const auto complexity = [&](const TriedLaw& law) {
-    return std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis)->complexity;
+    const auto own = std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis);
+    return 2 * own->complexity + (own->law == "offset" ? 1 : 0);
   };
   std::size_t taken = tried.size();
   std::size_t best = tried.size();

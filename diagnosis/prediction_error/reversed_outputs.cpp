@@ -141,4 +141,23 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
                    stated, best, data)};
 }
 
+std::optional<double> error_with_force_reversed(const LumpedModel& model,
+                                                const PredictionData& data,
+                                                const PredictionHypotheses& hypotheses,
+                                                Eigen::Index horizon, int threads) {
+  constexpr int kIterations = 25;
+  if (!has_one_force(model)) return {};
+  const PredictionData turned =
+      data.with_reversed(model, std::vector<bool>(model.outputs.size(), true), threads);
+  const PredictionFit start = fitted(model, turned, hypotheses, threads);
+  if (!start.usable) return {};
+  const PredictionTask task = turned.windows(horizon);
+  const PredictionFitter fitter(turned, task, force_noise_intensities(turned)[1], threads);
+  const VectorXd& scale = turned.output_scale();
+  const PredictionFit fit = fitter.fit(start.model, scale, {}, kIterations);
+  if (!fit.usable) return {};
+  const VectorXd error = fitter.errors(fit, scale);
+  return std::sqrt((error.array() / scale.array()).square().mean());
+}
+
 }  // namespace graybox

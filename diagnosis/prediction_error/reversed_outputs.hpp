@@ -13,6 +13,7 @@
 // Cost: 2^outputs short fits; at most four outputs.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "diagnosis/hypotheses/channel_faults.hpp"
@@ -25,5 +26,11 @@ namespace graybox {
 [[nodiscard]] std::vector<ChannelFault> find_reversed_outputs(
     const LumpedModel& model, const PredictionData& data, const PredictionHypotheses& hypotheses,
     int threads);
+
+// What the model alone leaves with the sign of its one force turned: rms over the signal, fitted so
+// many samples ahead, 0: in free run. None where it has not one force, or no fit is usable.
+[[nodiscard]] std::optional<double> error_with_force_reversed(
+    const LumpedModel& model, const PredictionData& data, const PredictionHypotheses& hypotheses,
+    Eigen::Index horizon, int threads);
 
 }  // namespace graybox

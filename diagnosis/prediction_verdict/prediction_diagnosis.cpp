@@ -442,6 +442,38 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   return both;
 }
 
+// A drive of the wrong sign makes laws of the position that hold against it: a weight, a spring, a
+// constant force. Where the model alone does about as well with the sign turned, nobody knows.
+void doubt_sign(const LumpedModel& stated, const PredictionData& data,
+                const PredictionHypotheses& hypotheses, const FinalFit& final, int threads,
+                Diagnosis& diagnosis) {
+  constexpr std::array kHolding{"gravity", "stiffness", "cubic_spring",
+                                "offset",  "dead_zone", "backlash"};
+  constexpr double kAbout = 2.0;  // of the error
+  const bool holds = std::ranges::any_of(diagnosis.effects, [&](const FoundEffect& effect) {
+    return std::ranges::count(kHolding, hypotheses.hypotheses()[effect.law.hypothesis].law) > 0;
+  });
+  if (!holds || diagnosis.interrupted) return;
+  const JudgedModel& found = final.found();
+  const double left = relative_size(found.error, data.output_scale());
+  const std::optional<double> turned =
+      error_with_force_reversed(stated, data, hypotheses, found.horizon, threads);
+  if (!turned || *turned > kAbout * left) return;
+  const std::string drive = stated.input_names.front();
+  VerdictReason reason;
+  reason.test = fmt::format(
+      "the sign of {}: turned, the model alone leaves {:.3g} % of the signal, and {:.3g} % with "
+      "the laws found as it is",
+      drive, 100.0 * *turned, 100.0 * left);
+  reason.passed = false;
+  reason.otherwise = Verdict::kAmbiguous;
+  reason.next =
+      fmt::format("make sure which way {} counts (preprocess: [{{kind: sign, of: [{}]}}] turns it)",
+                  drive, drive);
+  diagnosis.reasons.push_back(std::move(reason));
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+}
+
 void require_lumped(const std::filesystem::path& model) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
@@ -500,6 +532,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
              {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
           if (!words.empty()) result.diagnosis.assumptions.push_back(words);
         }
+        doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);
         return result;
       }

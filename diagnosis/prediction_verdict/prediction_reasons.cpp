@@ -19,11 +19,13 @@ using Eigen::VectorXd;
 constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
 constexpr const char* kLawsTest = "laws found";
 constexpr const char* kForceTest = "force left at";
+constexpr const char* kFittedTest = "error on the recordings of the fit";
 constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kHeldOutLimit = 15.0;                     // % of the signal
 constexpr double kNoiseLimit = 1.5;                        // times the stated noise
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
+constexpr double kNotSmall = 5.0;    // % of the signal
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
@@ -159,14 +161,37 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   }
 }
 
+// A model that leaves much of the motion of the fit itself is no good one, whatever laws were tried.
+void PredictionReasons::add_fitted(std::vector<VerdictReason>& list) const {
+  constexpr double kTimes = 3.0;
+  const JudgedModel& found = from_.final->found();
+  if (found.horizon != 0) return;
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
+    const double scale = from_.data->output_scale()(j);
+    const double error = 100.0 * found.error(j) / scale;
+    const double limit =
+        std::max(kHeldOutLimit, 100.0 * kNoiseLimit * from_.data->noise()(j) / scale);
+    list.push_back(
+        test(fmt::format("{} of {} in free run, % of its signal", kFittedTest,
+                         from_.stated->output_names[static_cast<std::size_t>(j)]),
+             error, limit, error <= limit,
+             "look at when this error is largest; try laws of your own (--laws), and record more"));
+    if (!found.held_out_error) continue;
+    const double kept_out = 100.0 * (*found.held_out_error)(j) / found.held_out_scale(j);
+    const double most = std::max(kTimes * error, kNotSmall);
+    list.push_back(test(
+        fmt::format("{} of {} in free run, where the fit leaves {:.3g} %, % of its signal",
+                    kHeldOutTest, from_.stated->output_names[static_cast<std::size_t>(j)], error),
+        kept_out, most, kept_out <= most,
+        "put recordings like those kept out into the fit, and look at when the error is largest"));
+  }
+}
+
 // A law that raises an error which is small all the same may be right.
 void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
                                        std::vector<VerdictReason>& list) const {
   if (!from_.final->found().held_out_error) return;
-  const auto misleading = std::ranges::count_if(diagnosis.effects, [](const FoundEffect& effect) {
-    return effect.held_out && effect.held_out->misleads &&
-           effect.held_out->error_with > kHeldOutLimit;
-  });
+  const auto misleading = std::ranges::count_if(diagnosis.effects, is_not_confirmed);
   list.push_back(test("laws found that raise the error kept out", static_cast<double>(misleading),
                       0.0, misleading == 0,
                       "leave them out (--without), or put recordings like those kept out into "
@@ -250,6 +275,8 @@ std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
     const Diagnosis& diagnosis, std::vector<VerdictReason> list) const {
   add_held_out(list);
   add_growth(list);
+  add_fitted(list);
+  list.push_back(sizes_hold_reason(diagnosis));
   // Who can't tell masses and springs can't miss anything.
   add_determination(diagnosis, Verdict::kUnknown, list);
   if (std::ranges::any_of(list, has_failed)) return list;
@@ -281,8 +308,8 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   add_rest(diagnosis, list);
   // The first that fails decides, and this may say `ambiguous`.
   if (laws > 0.0) {
-    list.push_back(trend_reason(diagnosis.trends, diagnosis.effects,
-                                "the recordings are one window each"));
+    list.push_back(
+        trend_reason(diagnosis.trends, diagnosis.effects, "the recordings are one window each"));
   }
   add_determination(diagnosis, Verdict::kAmbiguous, list);
   if (!diagnosis.validation_after) list.push_back(nothing_kept_out());

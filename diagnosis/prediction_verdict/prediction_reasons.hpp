@@ -27,6 +27,7 @@ class PredictionReasons {
  private:
   [[nodiscard]] bool is_within_a_step() const;
   void add_held_out(std::vector<VerdictReason>& list) const;
+  void add_fitted(std::vector<VerdictReason>& list) const;
   void add_growth(std::vector<VerdictReason>& list) const;
   void add_misleading(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   void add_against_as_given(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string_view>
 #include <unsupported/Eigen/MatrixFunctions>
 
@@ -18,7 +19,8 @@ constexpr double kOutOfBounds = 1e15;  // of a state: the motion has run away
 // Set-valued friction takes the catalogue's curve with a corner so sharp that it is none.
 constexpr double kSharp = 1e-12;
 constexpr double kBarelyMoving = 1e-6;  // of a velocity
-constexpr double kResolved = 0.5;
+constexpr double kResolved = 0.5;       // of a step, while a velocity passes the transition
+constexpr int kMostSubsteps = 8;        // that a step may be divided into to resolve it
 
 double dot(const std::vector<std::pair<Index, double>>& b, const VectorXd& values) {
   double sum = 0.0;
@@ -38,22 +40,28 @@ const LawEntry& entry_of(const Element& part) {
   return *find_law(part.law_name, part.location.kind != LocationKind::kElement);
 }
 
-// A friction with no transition at v = 0, where a velocity passes the one that is stated
-// within `kResolved` of a step; else null: then the curve as it is will do. `rate`: h b' M^-1 b.
-// How steep it is where an input drives it, nobody knows beforehand.
-std::shared_ptr<const Law> without_transition(const Element& part, double rate) {
+// Where a law has a transition at v = 0.
+std::optional<std::size_t> transition_of(const Element& part) {
   const LawEntry& entry = entry_of(part);
-  const auto transition =
-      std::ranges::find(entry.parameters, "transition_velocity", &LawParameter::name);
-  if (transition == entry.parameters.end() || !entry.make) return nullptr;
-  std::vector<double> parameters = part.parameters;
-  double& velocity = parameters[static_cast<std::size_t>(transition - entry.parameters.begin())];
-  const double small = kBarelyMoving * velocity;
+  const auto at = std::ranges::find(entry.parameters, "transition_velocity", &LawParameter::name);
+  if (at == entry.parameters.end() || !entry.make) return {};
+  return static_cast<std::size_t>(at - entry.parameters.begin());
+}
+
+// Steps within which a velocity that passes the transition is resolved, by the step that `rate` =
+// h b' M^-1 b is of. How steep it is where an input drives it, nobody knows beforehand.
+double steps_to_resolve(const Element& part, std::size_t transition, double rate) {
+  if (part.location.driver >= 0) return rate > 0.0 ? 1e300 : 1.0;
+  const double small = kBarelyMoving * part.parameters[transition];
   const double slope = part.law->force(0.0, small, {}) / small;
-  const bool is_steep = part.location.driver >= 0 ? rate > 0.0 : rate * slope > kResolved;
-  if (!is_steep) return nullptr;
-  velocity *= kSharp;
-  return entry.make(parameters);
+  return rate * slope / kResolved;
+}
+
+// The friction with no transition at v = 0.
+std::shared_ptr<const Law> without_transition(const Element& part, std::size_t transition) {
+  std::vector<double> parameters = part.parameters;
+  parameters[transition] *= kSharp;
+  return entry_of(part).make(parameters);
 }
 
 bool is_linear_element(const Element& part) {
@@ -142,9 +150,14 @@ void Predictor::place_laws(const LumpedModel& model) {
     }
     law.velocity_by = inverse_mass_ * b;
     law.mobility = b.dot(law.velocity_by);
-    if (auto sharp = without_transition(part, step_ * law.mobility); sharp && law.in == law.out) {
-      law.law = std::move(sharp);
-      law.is_set_valued = has_set_valued_ = true;
+    if (const auto transition = transition_of(part); transition && law.in == law.out) {
+      const double steps = steps_to_resolve(part, *transition, step_ * law.mobility);
+      if (steps > kMostSubsteps) {
+        law.law = without_transition(part, *transition);
+        law.is_set_valued = has_set_valued_ = true;
+      } else if (steps > substeps_) {
+        substeps_ = static_cast<int>(std::ceil(steps));
+      }
     }
     laws_.push_back(std::move(law));
   }
@@ -233,6 +246,7 @@ void Predictor::allocate() {
   q_.setZero(m_);
   v_ = a_ = force_ = q_;
   y_.setZero(output_count());
+  between_.setZero(static_cast<Index>(no_inputs_.size()), 3);
   kept_y_ = error_ = remembered_y_ = y_;
   remembered_x_ = x_;
   turned_.setOnes(output_count());
@@ -412,11 +426,33 @@ void Predictor::break_away(double step, const double* inputs) {
   }
 }
 
+// The parabola through an input's three values within a step, at a share of it.
+void Predictor::interpolate(const NodeInputs& drive, Index step, double share, Index column) {
+  const auto start = drive.nodes.col(3 * step), middle = drive.nodes.col(3 * step + 1),
+             end = drive.nodes.col(3 * step + 2);
+  const double by_start = (1.0 - share) * (1.0 - 2.0 * share),
+               by_middle = 4.0 * share * (1.0 - share), by_end = share * (2.0 * share - 1.0);
+  between_.col(column) = by_start * start + by_middle * middle + by_end * end;
+}
+
 void Predictor::step(const NodeInputs& drive, Index step) {
-  const double* at_start = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step).data();
-  const double* at_middle = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 1).data();
-  const double* at_end = linear_ ? no_inputs_.data() : drive.nodes.col(3 * step + 2).data();
-  const double h = step_;
+  if (linear_) return advance(step_, no_inputs_.data(), no_inputs_.data(), no_inputs_.data());
+  if (substeps_ == 1) {
+    return advance(step_, drive.nodes.col(3 * step).data(), drive.nodes.col(3 * step + 1).data(),
+                   drive.nodes.col(3 * step + 2).data());
+  }
+  const double part = 1.0 / substeps_;
+  for (int s = 0; s < substeps_; ++s) {
+    for (Index node = 0; node < 3; ++node) {
+      interpolate(drive, step, (s + 0.5 * static_cast<double>(node)) * part, node);
+    }
+    advance(step_ * part, between_.col(0).data(), between_.col(1).data(), between_.col(2).data());
+  }
+}
+
+// By the classical method of Runge and Kutta.
+void Predictor::advance(double h, const double* at_start, const double* at_middle,
+                        const double* at_end) {
   choose_friction(at_start);
   rates(x_.data(), at_start, k1_.data());
   trial_ = x_ + 0.5 * h * k1_;

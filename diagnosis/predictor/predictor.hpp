@@ -13,8 +13,8 @@
 // it comes to rest where its velocity, straight in time, passes zero. It breaks away where the
 // pull, straight in time, passes the level. So predictions depend on parameters without jumps, and
 // no transition velocity makes the equations stiff. A transition that is wide enough to be seen, h
-// F b' M^-1 b / v_t < 1/2, is the law's curve as it is; so is friction of imposed motion, where v
-// is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
+// F b' M^-1 b / v_t < 4, is the law's curve as it is, in steps h/m of which each passes less than
+// half of it; so is friction of imposed motion, where v is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
 // reading is less of the signal, and e_k is taken with the other sign. A lag or a resonance of a
 // sensor is exact for outputs that are straight within a step, where what is held jumps between
 // two. A late sensor reads what the state was then, and is corrected there, since earlier outputs
@@ -143,6 +143,8 @@ class Predictor {
   void settle_friction(double step, const double* inputs);
   void break_away(double step, const double* inputs);
   void step(const NodeInputs& drive, Eigen::Index step);
+  void interpolate(const NodeInputs& drive, Eigen::Index step, double share, Eigen::Index column);
+  void advance(double h, const double* at_start, const double* at_middle, const double* at_end);
   void between_samples(const NodeInputs& drive, Eigen::Index sample);
   // From sample `from` to `to`, which is not read: the filter, or a forecast. False: out of bounds.
   struct Recorded {
@@ -165,7 +167,8 @@ class Predictor {
   void store_states(Eigen::Index sample, const double* inputs, Eigen::MatrixXd& states);
 
   double sample_time_, step_;
-  int steps_;
+  int steps_, substeps_ = 1;  // substeps of a step
+  Eigen::MatrixXd between_;   // inputs x (start, middle, end of a substep)
   bool linear_ = false;  // for the gain
   Eigen::Index disturbance_state_ = -1;
   double disturbance_kept_ = 0.0;  // from one sample to the next

@@ -30,11 +30,42 @@ ToldSize told_size(const PredictionFit& fit, const VectorXd& deviations, const P
   return told;
 }
 
+namespace {
+
+bool swings(const Element& part) { return part.law_name == "mode" || part.law_name == "resonance"; }
+
+// Hz: the second parameter of what swings.
+double frequency_of(const Element& part) { return part.parameters[1]; }
+
+}  // namespace
+
+bool swings_too_slowly(const PredictionFit& fit, const PlacedFinding& law,
+                       const PredictionData& data) {
+  constexpr double kFewestPeriods = 2.0;
+  const Element& part = fit.model.model.parts[law.part];
+  if (!swings(part)) return false;
+  Index longest = 0;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    if (recording.role == ExperimentRole::kEstimation) {
+      longest = std::max(longest, recording.time.size());
+    }
+  }
+  const double seconds = static_cast<double>(longest) * data.sample_time();
+  return frequency_of(part) * seconds < kFewestPeriods;
+}
+
+bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law) {
+  constexpr double kNearly = 0.999;
+  const std::string& name = fit.model.model.parts[law.part].law_name;
+  if (name != "lag" && name != "delay") return false;
+  const std::size_t time = fit.model.first_parameter(law.part);
+  return fit.model.model.parameters[time].value > kNearly * fit.model.space[time].high;
+}
+
 bool has_loose_frequency(const PredictionFit& fit, const VectorXd& deviations,
                          const PlacedFinding& law) {
   constexpr double kLoose = 0.3;  // standard error over value
-  const std::string& name = fit.model.model.parts[law.part].law_name;
-  if (name != "mode" && name != "resonance") return false;
+  if (!swings(fit.model.model.parts[law.part])) return false;
   const std::size_t frequency = fit.model.first_parameter(law.part) + 1;
   const auto at = std::ranges::find(fit.free, frequency);
   if (at == fit.free.end()) return false;

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "diagnosis/predictor/extended_lumped_model.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 #include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
@@ -20,6 +21,14 @@ struct ToldSize {
 // Something that swings at a frequency whose error is 0.3 of it or more.
 [[nodiscard]] bool has_loose_frequency(const PredictionFit& fit, const Eigen::VectorXd& deviations,
                                        const PlacedFinding& law);
+
+// Something that swings fewer than two times in the longest recording of the fit: what it takes may
+// be any slow change.
+[[nodiscard]] bool swings_too_slowly(const PredictionFit& fit, const PlacedFinding& law,
+                                     const PredictionData& data);
+
+// A signal that is as late as the search allows: no sensor is, so something else is missing.
+[[nodiscard]] bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law);
 
 // A wave longer than the way that was gone is none: it stands in for a constant or a spring.
 // `motion`: samples x (positions, velocities).

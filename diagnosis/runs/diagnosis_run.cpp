@@ -283,17 +283,31 @@ DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& cam
   return answer;
 }
 
+// A second look that came to no end: what it would have found is not known.
+void tell_stopped(Diagnosis& diagnosis) {
+  VerdictReason reason;
+  reason.test = "the search came to its end (a second look, after the first had ended)";
+  reason.passed = false;
+  reason.next = "give it more time (--time-limit) or more threads";
+  reason.otherwise = Verdict::kUnknown;
+  diagnosis.reasons.insert(diagnosis.reasons.begin(), std::move(reason));
+  diagnosis.interrupted = true;
+  diagnosis.verdict = Verdict::kUnknown;
+}
+
 // None where the balance finds nothing, or can't be set up: the drive stands still, say. Nor where
 // positions were differentiated and no machine can be what came of it, unless the prediction error
 // is farther from an answer still.
 std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
                                                 DiagnosisRequest& request, const Campaign& campaign,
-                                                const DiagnosisAnswer& predicted) {
+                                                const DiagnosisAnswer& predicted,
+                                                bool& was_stopped) {
   constexpr double kFar = 10.0;  // times the limit of a test
   try {
     DiagnosisAnswer answer = answer_by_problem(request, campaign, &drive);
     const Diagnosis& diagnosis = answer.diagnosis;
     if (!diagnosis.channel_faults.empty()) return answer;
+    was_stopped = diagnosis.interrupted;
     if (diagnosis.effects.empty()) return {};
     const double short_of = shortfall_of(predicted.diagnosis);
     const bool may_be = is_of_a_machine(diagnosis) || !drive.channels.velocity.empty();
@@ -312,11 +326,13 @@ std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
 std::optional<DiagnosisAnswer> found_for_signals(const RigidRobotModel& drive,
                                                  DiagnosisRequest& request,
                                                  const Campaign& campaign,
-                                                 const DiagnosisAnswer& predicted) {
+                                                 const DiagnosisAnswer& predicted,
+                                                 bool& was_stopped) {
   constexpr double kAsMuch = 1.25;  // of the force that the prediction error leaves
   const std::optional<double> left = force_left(predicted.diagnosis);
   if (!left || !has_signal_laws_only(predicted.diagnosis, predicted.hypotheses())) return {};
-  std::optional<DiagnosisAnswer> answer = found_by_balance(drive, request, campaign, predicted);
+  std::optional<DiagnosisAnswer> answer =
+      found_by_balance(drive, request, campaign, predicted, was_stopped);
   if (!answer || !answer->diagnosis.channel_faults.empty()) return {};
   const Diagnosis& found = answer->diagnosis;
   const bool is_near = found.verdict != Verdict::kUnknown && is_of_a_machine(found) &&
@@ -375,9 +391,11 @@ DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campa
   const bool is_over = first.interrupted || !first.channel_faults.empty();
   if (request.method != "auto" || is_over || !method.drive) return predicted;
   const bool has_answer = first.verdict != Verdict::kUnknown;
+  bool was_stopped = false;
   std::optional<DiagnosisAnswer> balanced =
-      has_answer ? found_for_signals(*method.drive, request, campaign, predicted)
-                 : found_by_balance(*method.drive, request, campaign, predicted);
+      has_answer ? found_for_signals(*method.drive, request, campaign, predicted, was_stopped)
+                 : found_by_balance(*method.drive, request, campaign, predicted, was_stopped);
+  if (!balanced && was_stopped) tell_stopped(predicted.diagnosis);
   if (!balanced) return predicted;
   const bool may_be_right = predicted.by_prediction.doubt.empty() && !first.effects.empty();
   if (may_be_right) weigh_against_prediction(predicted, balanced->diagnosis);
@@ -430,7 +448,8 @@ struct AnswerOfAll {
   DiagnosisAnswer answer;
 };
 std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& request,
-                                        const Campaign& campaign, const Diagnosis& first) {
+                                        const Campaign& campaign, const Diagnosis& first,
+                                        bool& was_stopped) {
   const std::string lack = lack_of(first);
   const bool is_asked = method.is_lumped && method.name != "periodic" && !lack.empty();
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
@@ -442,9 +461,11 @@ std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& 
   }
   all.answer = answer_by(all.method, request, all.campaign);
   Diagnosis& diagnosis = all.answer.diagnosis;
+  was_stopped = diagnosis.interrupted;
   const bool is_found = lack_of(diagnosis).empty() && diagnosis.channel_faults.empty() &&
                         !diagnosis.interrupted && !diagnosis.effects.empty() &&
-                        is_of_a_machine(diagnosis);
+                        is_of_a_machine(diagnosis) &&
+                        !has_signal_laws_only(diagnosis, all.answer.hypotheses());
   if (!is_found) return {};
   diagnosis.assumptions.push_back(
       fmt::format("The recordings of the fit alone {}. So those kept out were fitted, too, and "
@@ -519,10 +540,13 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   };
   Method method = chosen_method(request, campaign);
   DiagnosisAnswer answer = answer_by(method, request, campaign);
-  if (auto all = found_in_all(method, request, campaign, answer.diagnosis)) {
+  bool was_stopped = false;
+  if (auto all = found_in_all(method, request, campaign, answer.diagnosis, was_stopped)) {
     method = std::move(all->method);
     campaign = std::move(all->campaign);
     answer = std::move(all->answer);
+  } else if (was_stopped) {
+    tell_stopped(answer.diagnosis);
   }
   tell_unknown_gains(campaign, answer.diagnosis);
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);

@@ -220,9 +220,15 @@ std::string advice_for(const Hypothesis& rival) {
 }
 
 std::string effect_sentence(const Hypothesis& hypothesis, const FoundEffect& effect) {
-  const bool pushes = hypothesis.law == "stiffness" && effect.is_first_of_its_kind &&
-                      !effect.law.parameters.empty() && effect.law.parameters.front().value < 0.0;
-  if (!pushes) return law_sentence(hypothesis, effect.law);
+  const bool is_first_spring = hypothesis.law == "stiffness" && effect.is_first_of_its_kind &&
+                               !effect.law.parameters.empty();
+  if (!is_first_spring) return law_sentence(hypothesis, effect.law);
+  const LawParameterEstimate& stiffness = effect.law.parameters.front();
+  if (stiffness.value >= 0.0) {
+    const bool turns = stiffness.unit.ends_with("/rad");
+    return fmt::format("something pulls {} back to where it stands, as a spring does{}",
+                       place_words(hypothesis.place), turns ? ", or a weight that hangs" : "");
+  }
   return fmt::format("something pushes {} away from where it stands, the more the further",
                      place_words(hypothesis.place));
 }

@@ -188,17 +188,12 @@ std::string unsound_words(const FoundEffect& effect, std::span<const Hypothesis>
 }
 
 // Whether recordings kept out are predicted worse with it, and badly.
-bool is_contradicted(const FoundEffect& effect) {
-  constexpr double kMuch = 15.0;  // % of the signal
-  return effect.held_out && effect.held_out->misleads && effect.held_out->error_with > kMuch;
-}
-
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
   const std::string found =
-      fmt::format("{}: {} ({}): {}.", is_contradicted(effect) ? "Not confirmed" : "Found",
+      fmt::format("{}: {} ({}): {}.", is_not_confirmed(effect) ? "Not confirmed" : "Found",
                   effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
                   parameters_words(effect.law)) +
       held_out_words(effect, diagnosis);

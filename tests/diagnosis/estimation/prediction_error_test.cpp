@@ -85,6 +85,31 @@ TEST(Predictor, DryFrictionSlidesWithTheRestOfTheForce) {
   }
 }
 
+// A transition that is seen is the law's curve, however coarse the samples: against the same
+// equation in steps that are far finer.
+TEST(Predictor, AWideTransitionIsResolvedBetweenCoarseSamples) {
+  for (const double width : {0.2, 0.5, 1.5}) {
+    const LumpedModel model = mass_with(
+        fmt::format("  - {{name: seal, location: {{kind: element, mass: cart}}, law: coulomb, "
+                    "parameters: {{level: {{value: 200, unit: N}}, transition_velocity: {{value: "
+                    "{}, unit: m/s}}}}}}\n",
+                    width),
+        "velocity");
+    VectorXd force = VectorXd::Constant(100, 150.0);
+    force.segment(30, 20).setConstant(-260.0);
+    force.tail(20).setConstant(40.0);
+    const VectorXd y = predicted(model, force, Eigen::Vector2d(0, 0));
+    constexpr int kFine = 2000;
+    double v = 0.0;
+    for (Index k = 0; k < y.size(); ++k) {
+      EXPECT_NEAR(y(k), v, 2e-3 * width) << width << " " << k;
+      for (int step = 0; step < kFine; ++step) {
+        v += kSampleTime / kFine * (force(k) - 200.0 * std::tanh(v / width)) / 2.0;
+      }
+    }
+  }
+}
+
 TEST(Predictor, SlidingStopsAndStaysStopped) {
   const VectorXd y =
       predicted(mass_with(kDryFriction, "velocity"), VectorXd::Zero(50), Eigen::Vector2d(0, 0.3));
@@ -574,6 +599,29 @@ TEST(PredictionHypotheses, AskAGainOnlyBesideAForceOrMassOfKnownSize) {
   }
 }
 
+// A tachometer may read no sign; what counts steps knows its direction.
+TEST(PredictionHypotheses, AskForARectifierOnlyWhereASensorCanBeOne) {
+  const testing::TemporaryFolder folder;
+  write_tachometer(folder, false, 0.05, 5);
+  const std::string motor = testing::read_text(folder.file("motor.yaml"));
+  for (const bool is_position : {false, true}) {
+    std::string text = motor;
+    std::string campaign = testing::read_text(folder.file("campaign.yaml"));
+    if (is_position) {
+      text.replace(text.find("quantity: velocity"), 18, "quantity: position");
+      campaign.replace(campaign.find("unit: rad/s, is: output"), 23, "unit: rad, is: output");
+    }
+    testing::write_text(folder.file("motor.yaml"), text);
+    testing::write_text(folder.file("campaign.yaml"), campaign);
+    const LumpedModel model = load_lumped_model(folder.file("motor.yaml"));
+    const PredictionData data(model, read_campaign(folder.file("campaign.yaml")), 1);
+    const PredictionHypotheses list(model, data, {});
+    const bool has_rectifier = std::ranges::any_of(
+        list.hypotheses(), [](const Hypothesis& each) { return each.law == "rectifier"; });
+    EXPECT_NE(has_rectifier, is_position);
+  }
+}
+
 TEST(PredictionDiagnosis, IsTheSameForAnyNumberOfThreads) {
   const int usual = omp_get_max_threads();
   std::vector<PredictionDiagnosis> results;
@@ -673,6 +721,51 @@ TEST(PredictionDiagnosis, ReadsLogsOfNinetySamplesAndKnowsTheirNoise) {
   for (const LawParameterEstimate& own : result.diagnosis.after.model_parameters) {
     const double truth = own.name == "bearing.damping" ? 2.0 : 0.5;
     EXPECT_NEAR(own.value, truth, 0.1 * truth) << own.name;
+  }
+}
+
+// A motor that is switched on and off one way, and comes to rest in between: a rotor of 0.35 kg m^2
+// on a bearing of 0.9 N m s/rad with 30 N m of dry friction, and a tachometer of coarse counts.
+void write_switched_motor(const testing::TemporaryFolder& folder, unsigned seed, int samples) {
+  std::ofstream(folder.file("motor.yaml"))
+      << "format: graybox-lumped/1\nsample_time: 0.02\nmotion: rotation\nmasses: {axis: 0.5}\n"
+         "elements:\n  - {name: bearing, location: {kind: element, mass: axis}, law: viscous, "
+         "parameters: {damping: {value: 1.5, unit: N m s/rad}}}\ninputs:\n"
+         "  - {name: torque, mass: axis}\noutputs:\n"
+         "  - {name: speed, mass: axis, quantity: velocity}\n";
+  std::ofstream(folder.file("campaign.yaml"))
+      << "format: graybox-campaign/1\nsample_time: 0.02\nchannels:\n"
+         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+         "hold: zero\nexperiments:\n  - {file: a.csv}\n  - {file: b.csv, role: validation}\n";
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, 0.3);
+  constexpr double kInertia = 0.35, kDamping = 0.9, kLevel = 30.0, kCount = 1.05;
+  const std::vector<std::vector<double>> torques{{140, 0, 25, 60}, {100, 0, 20, 80}};
+  for (const bool first : {true, false}) {
+    std::ofstream out(folder.file(first ? "a.csv" : "b.csv"));
+    out << "torque,speed\n";
+    double speed = 0.0;
+    for (int k = 0; k < samples; ++k) {
+      const double torque = torques[first ? 0 : 1][static_cast<std::size_t>(4 * k / samples)];
+      out << torque << ',' << kCount * std::round((speed + noise(random)) / kCount) << '\n';
+      for (int step = 0; step < 20; ++step) {
+        if (speed == 0.0 && std::abs(torque) <= kLevel) continue;
+        const double next = speed + 0.001 * (torque - kDamping * speed - kLevel) / kInertia;
+        speed = next < 0.0 ? 0.0 : next;
+      }
+    }
+  }
+}
+
+// Dry friction acts on it as a constant force does, but where it rests; every machine has friction.
+TEST(PredictionDiagnosis, TellsDryFrictionOfAMotorThatTurnsOneWay) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const testing::TemporaryFolder folder;
+    write_switched_motor(folder, seed, 120);
+    const PredictionDiagnosis result = diagnose_by_prediction(
+        folder.file("motor.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 1);
+    ASSERT_EQ(names_of(result), std::vector<std::string>{"coulomb at axis"}) << seed;
+    EXPECT_NEAR(result.diagnosis.effects[0].law.parameters[0].value, 30.0, 1.5) << seed;
   }
 }
 

@@ -31,12 +31,17 @@ outputs:
   - {name: angle, mass: axis, quantity: position}
 )";
 
-PredictionFit fit_with(const std::string& law, const std::vector<double>& values) {
+// At the axis, or at the sensor of an output.
+PredictionFit fit_with(const std::string& law, const std::vector<double>& values, int output = -1) {
   const testing::TemporaryFolder folder;
   testing::write_text(folder.file("axis.yaml"), kAxis);
   const LumpedModel axis = load_lumped_model(folder.file("axis.yaml"));
   LawExtension extension;
   extension.location = axis.parts.front().location;
+  if (output >= 0) {
+    extension.location.kind = LocationKind::kSensor;
+    extension.location.channel = output;
+  }
   extension.law = law;
   extension.base = values;
   extension.direction.assign(values.size(), 0.0);
@@ -70,6 +75,18 @@ TEST(ToldLaw, FrictionIsToldByItsLevelAndNotByItsTransition) {
   const PlacedFinding law = fit.model.laws.front();
   EXPECT_FALSE(told_size(fit, deviations(fit, {0.4, 0.001}), law, 1.0).is_told);
   EXPECT_TRUE(told_size(fit, deviations(fit, {0.1, 0.1}), law, 1.0).is_told);
+}
+
+// The search allows a signal to be so late and no later: there something else is missing.
+TEST(ToldLaw, ASignalThatIsAsLateAsMayBeIsNotLate) {
+  PredictionFit fit = fit_with("lag", {0.02}, 0);
+  const PlacedFinding law = fit.model.laws.front();
+  const std::size_t time = fit.model.first_parameter(law.part);
+  EXPECT_FALSE(is_late_at_bound(fit, law));
+  fit.model.model.parameters[time].value = fit.model.space[time].high;
+  EXPECT_TRUE(is_late_at_bound(fit, law));
+  EXPECT_FALSE(is_late_at_bound(fit_with("coulomb", {0.3, 0.01}),
+                                fit_with("coulomb", {0.3, 0.01}).model.laws.front()));
 }
 
 TEST(ToldLaw, AWaveLongerThanTheWayIsNone) {

@@ -178,6 +178,23 @@ TEST(FirstMass, FollowsTheUnitOfTheForce) {
 
 // ---- what is kept out ---------------------------------------------------------------------------
 
+// A fit that begins a thousand times beside the truth is at a bound before it has begun.
+TEST(FirstMass, WhereNothingIsToldTheStartHasTheScalesOfTheLog) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  OneMassLog log;
+  log.is_velocity = true;
+  log.sample_time = 0.02;
+  log.force = Eigen::VectorXd::Constant(200, 9.0);
+  log.motion = Eigen::VectorXd::NullaryExpr(200, [&] { return 11.0 + 0.01 * noise(random); });
+  const OneMassStart start = start_one_mass(log);
+  ASSERT_EQ(start.told, OneMassTold::kNothing);
+  EXPECT_NEAR(start.damping, 9.0 / 11.0, 0.01);
+  EXPECT_NEAR(start.inertia, 10 * 0.02 * 9.0 / 11.0, 0.01);
+  log.force *= 1000.0;
+  EXPECT_NEAR(start_one_mass(log).inertia / start.inertia, 1000.0, 1e-6);
+}
+
 TEST(KeptOutBlocks, HalvesThatAreAlikeStay) {
   const MassRun machine = run_of(kDry);
   const KeptOutBlocks split = kept_out_blocks(machine.force, machine.position, false);

@@ -110,6 +110,19 @@ const Change kOfUnknownNoise[] = {
        for (ChannelRest& rest : d.channels_after) rest.held_out_nrmse.reset();
      },
      Verdict::kAmbiguous},
+    {"other sizes kept out, and nothing found",
+     [](Diagnosis& d) {
+       d.detection.detected = false;
+       d.kept_out_change = KeptOutChange{10.0, 0.7, {ChangedSize{}}};
+     },
+     Verdict::kUnknown},
+    {"much left that has memory, and nothing found",
+     [](Diagnosis& d) {
+       d.detection.detected = false;
+       d.after.estimation.nrmse = 40.0;
+       d.autocorrelated_error = 30.0;
+     },
+     Verdict::kUnknown},
     {"nothing seen in the fit that recordings kept out show",
      [](Diagnosis& d) {
        d.detection.detected = false;
@@ -134,6 +147,22 @@ const Change kOfKnownNoise[] = {
      },
      Verdict::kAmbiguous},
 };
+
+// A law that raises a small error a little may be right; one that raises much of it is not.
+TEST(VerdictReasons, ALawThatRaisesTheErrorKeptOutIsNotConfirmed) {
+  FoundEffect effect;
+  const auto is_doubted = [&](double without, double with) {
+    effect.held_out = HeldOutEffect{without, with, 0.0};
+    effect.held_out->misleads = with > without;
+    return is_not_confirmed(effect);
+  };
+  EXPECT_FALSE(is_not_confirmed(FoundEffect{}));
+  EXPECT_FALSE(is_doubted(60.0, 3.3));
+  EXPECT_FALSE(is_doubted(3.9, 4.2));
+  EXPECT_FALSE(is_doubted(1.0, 4.2));
+  EXPECT_TRUE(is_doubted(3.4, 6.4));
+  EXPECT_TRUE(is_doubted(18.0, 19.0));
+}
 
 // A rest that nearly all depends on the motion is no matter where it is small.
 TEST(VerdictReasons, ASmallRestMayDependOnTheMotion) {
