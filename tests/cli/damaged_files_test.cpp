@@ -321,8 +321,10 @@ TEST_F(DamagedFiles, AFitIsNotSpoiltByOneWildSampleAndSaysWhatBecameOfIt) {
   set_last_field(301, "30000");
   const Outcome wild = graybox("fit motor.yaml campaign.yaml --json");
   EXPECT_NEAR(inertia(wild), inertia(clean), 1e-3 * inertia(clean));
-  EXPECT_NE(wild.out.find("run_1.csv: speed: 1 spike was replaced by the line"), std::string::npos)
-      << wild.out;
+  const std::string said = "run_1.csv: speed: 1 spike was replaced by the line";
+  EXPECT_NE(wild.out.find(said), std::string::npos) << wild.out;
+  const Outcome predicted = graybox("predict motor.yaml campaign.yaml");
+  EXPECT_NE(predicted.out.find("note: " + said), std::string::npos) << predicted.out;
 }
 
 // Finding C7.
