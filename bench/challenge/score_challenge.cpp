@@ -18,6 +18,7 @@
 #include "problems/base/distributions.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/files/json_file.hpp"
 
 namespace graybox::bench {
@@ -761,6 +762,7 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   }
   const bool in_any_motion = score.origin.set == kAnyMotionSet;
   const std::string prefix = in_any_motion ? "challenge_any_motion_" : "challenge_";
+  FilesTogether files;
   const auto write = [&](const char* name, const std::string& text) {
     write_text_file((folder / (prefix + name + ".csv")).string(), text);
   };
@@ -772,6 +774,7 @@ void write_score_tables(const Score& score, const fs::path& folder) {
   if (!score.left_out.empty()) write("left_out", left_out_table(score));
   const fs::path rates = folder / "challenge_rates.csv";
   write_text_file(rates.string(), rates_table(score) + rows_of_other_sets(rates, score.origin.set));
+  files.commit();
 }
 
 namespace {

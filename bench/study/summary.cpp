@@ -13,6 +13,7 @@
 
 #include "bench/study/tables.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -355,6 +356,7 @@ std::string write_tables(const StudyRows& rows, const fs::path& folder) {
   const std::vector<Headline> lines = headlines(points);
   const fs::path tables = folder / "tables";
   fs::create_directories(tables);
+  FilesTogether files;
   write_points(points, tables);
   write_laws(laws, tables);
   write_time_to_gap(points, tables);
@@ -365,6 +367,7 @@ std::string write_tables(const StudyRows& rows, const fs::path& folder) {
   write_skips(rows.skips, tables);
   std::string summary = summary_text(rows, points, laws, agreements, lines);
   write_text_file((folder / "summary.md").string(), summary);
+  files.commit();
   return summary;
 }
 

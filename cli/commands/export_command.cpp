@@ -14,6 +14,7 @@
 #include "diagnosis/export/urdf_file.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -57,11 +58,13 @@ void write_tables(const std::string& folder, const std::vector<ModelTable>& tabl
     throw InputError(fmt::format("{}: can't be made as a folder: {}; name another with -o", folder,
                                  failed.message()));
   }
-  for (const ModelTable& table : tables) {
-    const std::string file = (std::filesystem::path(folder) / table.file).string();
-    write_text_file(file, table.text);
-    fmt::print("wrote {}\n", file);
-  }
+  const auto file = [&](const ModelTable& table) {
+    return (std::filesystem::path(folder) / table.file).string();
+  };
+  FilesTogether files;
+  for (const ModelTable& table : tables) write_text_file(file(table), table.text);
+  files.commit();
+  for (const ModelTable& table : tables) fmt::print("wrote {}\n", file(table));
 }
 
 void write_urdf(const ExportedModel& model, const std::string& output) {

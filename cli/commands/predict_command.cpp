@@ -97,6 +97,7 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
         "{} as the model stands, nothing fitted: error (rms) over the standard deviation "
         "of what was measured, in %\n{}",
         prediction.of, table_of(prediction));
+    for (const std::string& note : prediction.notes) fmt::print("note: {}\n", note);
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
   }
   return kDone;

@@ -23,6 +23,7 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
@@ -156,9 +157,11 @@ void write_tables(const std::string& folder, const InformationSet& set,
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw InputError(fmt::format("{}: can't be made: {}", folder, error.message()));
+  FilesTogether files;
   write_text_file(folder + "/criteria.csv", table);
   write_text_file(folder + "/criteria_efficiency.csv", efficiency + "\n");
   write_text_file(folder + "/criteria_deviations.csv", deviation + "\n");
+  files.commit();
 }
 
 nlohmann::ordered_json to_json(const ProjectedSet& read, const std::vector<Row>& rows) {

@@ -28,6 +28,7 @@
 #include "problems/base/random.hpp"
 #include "problems/base/sha256.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 #include "problems/robot_information/robot_information.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
@@ -382,6 +383,7 @@ void write_tables(const fs::path& folder, const StudyDesigns& study,
                   const std::vector<StudySummary>& summaries,
                   const std::vector<Comparison>& comparisons,
                   const std::vector<std::string>& names) {
+  FilesTogether files;
   const auto write = [&](const char* name, const std::string& text) {
     write_text_file((folder / name).string(), text);
   };
@@ -392,6 +394,7 @@ void write_tables(const fs::path& folder, const StudyDesigns& study,
   write("verify_eigenvalues.csv", eigenvalue_table(summaries));
   write("verify_ratios.csv", ratio_table(comparisons, names));
   write("verify_estimates.csv", estimate_table(summaries, names));
+  files.commit();
 }
 
 std::string range(const Interval& interval) {

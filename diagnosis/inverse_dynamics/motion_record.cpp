@@ -202,8 +202,8 @@ std::vector<MotionRecord> read_motion_records(const RigidRobotModel& robot,
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
     const Experiment& experiment = campaign.experiments[k];
     const ExperimentRecording recording = load_experiment(campaign, k);
-    records.push_back(
-        {experiment.name, experiment.role, MotionReader(robot, campaign, recording).read()});
+    records.push_back({experiment.name, experiment.role,
+                       MotionReader(robot, campaign, recording).read(), recording.data.remarks});
     for (Motion& piece : records.back().pieces) piece.load = experiment.load;
     has_estimation = has_estimation || experiment.role == ExperimentRole::kEstimation;
   }

@@ -43,6 +43,7 @@ struct MotionRecord {
   std::string name;  // of the experiment
   ExperimentRole role = ExperimentRole::kEstimation;
   std::vector<Motion> pieces;
+  std::vector<std::string> remarks = {};  // what was changed in the recording
 };
 
 // Periods of a low-pass that its guess beyond the ends of a recording shows inside.

@@ -125,7 +125,7 @@ std::vector<EquationErrorEstimate> equation_error_estimates(const OutputErrorPro
   const LumpedModel inverse = inverse_model(problem.model());
   const Eigen::VectorXd& time = data.recordings.front().time;
   for (const double share : kShares) {
-    OutputErrorData motion{.hold = InputHold::kFirst, .noise = {}, .recordings = {}};
+    OutputErrorData motion{.hold = InputHold::kFirst, .noise = {}, .recordings = {}, .remarks = {}};
     bool is_long_enough = true;
     for (const OutputErrorRecording& run : data.recordings) {
       if (run.role != ExperimentRole::kEstimation) continue;

@@ -95,6 +95,9 @@ OutputErrorData load_output_error_data(const LumpedModel& model, const Campaign&
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
     const ExperimentRecording run = load_experiment(campaign, k);
     check_hold(model, campaign, run);
+    for (const std::string& remark : run.data.remarks) {
+      data.remarks.push_back(fmt::format("{}: {}", campaign.experiments[k].name, remark));
+    }
     for (const SignalPiece& piece : run.data.pieces) {
       if (piece.time.size() < kFewestSamples) {
         throw InputError(fmt::format("{}: {} has a segment of {} samples; a fit needs {}", source,

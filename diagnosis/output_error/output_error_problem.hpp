@@ -42,6 +42,7 @@ struct OutputErrorData {
   InputHold hold = InputHold::kZero;
   Eigen::VectorXd noise;  // standard deviation of each output; 0: not known
   std::vector<OutputErrorRecording> recordings;
+  std::vector<std::string> remarks = {};  // what was changed in the recordings, file first
 };
 
 // Inputs and outputs are the channels of these names. Throws InputError for a channel that is not

@@ -135,6 +135,9 @@ std::string prediction_page(const ModelPrediction& prediction, const std::string
                      "measured."}};
   errors.tables.push_back(table_of(prediction));
   page.sections.push_back(std::move(errors));
+  if (!prediction.notes.empty()) {
+    page.sections.push_back({.id = "notes", .title = "What to know", .points = prediction.notes});
+  }
   page.origin = origin;
   if (page.origin.files.empty()) page.origin.files = {{model, "model"}, {campaign, "campaign"}};
   return html_page(page);

@@ -43,6 +43,7 @@ struct ModelPrediction {
   std::string of;  // "outputs" or "forces"
   std::vector<RecordingPrediction> recordings;
   std::vector<PredictionCurve> curves;  // over the longest horizon
+  std::vector<std::string> notes = {};  // what was changed in the recordings
 };
 
 // graybox-lumped/1 and graybox-rigid-robot/1. Throws InputError for other formats, for files that

@@ -99,6 +99,9 @@ ModelPrediction predict_forces(RigidRobotModel robot, const Campaign& campaign) 
   ModelPrediction result;
   result.of = "forces";
   for (const MotionRecord& record : read_motion_records(robot, campaign)) {
+    for (const std::string& remark : record.remarks) {
+      result.notes.push_back(fmt::format("{}: {}", record.name, remark));
+    }
     if (record.pieces.empty()) continue;
     add(robot, record, forces_of(columns, record), result);
   }

@@ -29,6 +29,7 @@ class OutputPrediction {
 
   ModelPrediction run() {
     result_.of = "outputs";
+    result_.notes = data_.remarks();
     for (Index horizon = data_.first_horizon();
          data_.window_count(horizon) >= kFewestHorizonWindows; horizon *= 10) {
       add(horizon, false);

@@ -25,11 +25,8 @@ Json prediction_json(const ModelPrediction& prediction, const std::string& model
       rows.push_back(std::move(row));
     }
   }
-  return {{"format", "graybox-prediction/1"},
-          {"model", model},
-          {"campaign", campaign},
-          {"predicted", prediction.of},
-          {"rows", rows}};
+  return {{"format", "graybox-prediction/1"}, {"model", model}, {"campaign", campaign},
+          {"predicted", prediction.of},       {"rows", rows},   {"notes", prediction.notes}};
 }
 
 }  // namespace graybox

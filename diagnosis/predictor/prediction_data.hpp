@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "diagnosis/output_error/output_error_problem.hpp"
@@ -77,6 +78,8 @@ class PredictionData {
   [[nodiscard]] int steps_per_sample() const { return steps_; }
   [[nodiscard]] const RecordedNodes& nodes() const { return nodes_; }
   [[nodiscard]] InputHold hold() const { return problem_.data().hold; }
+  // What was changed in the recordings.
+  [[nodiscard]] const std::vector<std::string>& remarks() const { return problem_.data().remarks; }
   [[nodiscard]] std::span<const OutputErrorRecording> recordings() const {
     return problem_.data().recordings;
   }

@@ -1,8 +1,10 @@
 // `graybox fit` of a graybox-lumped/1 model: its parameters by output error in the time domain.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -147,7 +149,8 @@ FitReport report_of(const ModelFitRequest& request, const OutputErrorProblem& pr
   if (count(ExperimentRole::kValidation) > 0) {
     report.validation = quality_of(fit.validation, count(ExperimentRole::kValidation));
   }
-  report.notes = notes_of(fit);
+  report.notes = problem.data().remarks;
+  std::ranges::copy(notes_of(fit), std::back_inserter(report.notes));
   report.details = std::make_shared<Json>(details_of(fit));
   return report;
 }

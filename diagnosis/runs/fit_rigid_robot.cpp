@@ -6,6 +6,9 @@
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "diagnosis/inverse_dynamics/base_parameters.hpp"
 #include "diagnosis/inverse_dynamics/inverse_dynamics_fit.hpp"
@@ -122,10 +125,14 @@ FitReport fit_rigid_robot(const ModelFitRequest& request) {
   options.decimation = request.decimation;
   if (request.equal_noise) options.noise = JointNoise::kEqual;
   options.keep_going = [] { return !stop_requested(); };
-  const InverseDynamicsFit fit =
-      fit_inverse_dynamics(robot, read_motion_records(robot, campaign), options);
-
+  std::vector<MotionRecord> records = read_motion_records(robot, campaign);
   FitReport report;
+  for (const MotionRecord& record : records) {
+    for (const std::string& remark : record.remarks) {
+      report.notes.push_back(fmt::format("{}: {}", record.name, remark));
+    }
+  }
+  const InverseDynamicsFit fit = fit_inverse_dynamics(robot, std::move(records), options);
   report.model = request.model;
   report.campaign = campaign.file.string();
   report.method = "inverse dynamics, weighted least squares of base parameters";

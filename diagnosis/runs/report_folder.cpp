@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <fstream>
 #include <string_view>
 
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"
+#include "problems/files/files_together.hpp"
 
 namespace graybox {
 namespace {
@@ -91,12 +93,16 @@ void ReportFolder::write(const std::map<std::string, std::string>& texts, Json& 
   refuse_foreign(names);
   ours_.insert(names.begin(), names.end());
   const Json list{{"format", "graybox-report/1"}, {"written_by", written_by()}, {"files", ours_}};
-  write_text_file(file(kList), list.dump(2) + "\n");
-  std::error_code ignored;
-  for (const std::string& name : ours_) fs::remove(folder_ / name, ignored);
-  for (const auto& [name, text] : texts) write_text_file(file(name), text);
   verdict["files"] = names;
+  FilesTogether files;  // in this order: the list is there before the first file, the verdict last
+  write_text_file(file(kList), list.dump(2) + "\n");
+  for (const auto& [name, text] : texts) write_text_file(file(name), text);
   write_text_file(file(kVerdict), verdict.dump(2) + "\n");
+  files.commit();
+  std::error_code ignored;
+  for (const std::string& name : ours_) {
+    if (std::ranges::find(names, name) == names.end()) fs::remove(folder_ / name, ignored);
+  }
   fs::remove(folder_ / kList);
 }
 

@@ -29,9 +29,9 @@ class ReportFolder {
     return (folder_ / name).string();
   }
 
-  // Removes the files of the earlier report and writes these (name: text). Then it writes
-  // verdict.json with the list of all, which `verdict` gets as `files`. Throws InputError where one
-  // of them would replace a file that is not ours.
+  // Puts these files (name: text) and verdict.json in the place of the earlier report, together or
+  // not at all (files_together.hpp). The verdict lists all, and gets the list as `files`. Throws
+  // InputError where one of them would replace a file that is not ours.
   void write(const std::map<std::string, std::string>& texts, nlohmann::ordered_json& verdict);
 
  private:

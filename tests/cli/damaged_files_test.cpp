@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -307,6 +308,23 @@ TEST_F(DamagedFiles, OneWildSampleIsNamedWithFileChannelRowAndTime) {
   const std::size_t at = outcome.out.find("run_1.csv: speed: row 300 (");
   ASSERT_NE(at, std::string::npos) << outcome.out;
   EXPECT_NE(outcome.out.find("is 30000, alone between", at), std::string::npos) << outcome.out;
+}
+
+// Finding C7: the inertia was a thousandth of the true one, and nothing said so.
+TEST_F(DamagedFiles, AFitIsNotSpoiltByOneWildSampleAndSaysWhatBecameOfIt) {
+  copy_drive();
+  const auto inertia = [](const Outcome& fit) {
+    return nlohmann::json::parse(fit.out).at("parameters").at(0).at("value").get<double>();
+  };
+  const Outcome clean = graybox("fit motor.yaml campaign.yaml --json");
+  EXPECT_EQ(clean.out.find("replaced"), std::string::npos) << clean.out;
+  set_last_field(301, "30000");
+  const Outcome wild = graybox("fit motor.yaml campaign.yaml --json");
+  EXPECT_NEAR(inertia(wild), inertia(clean), 1e-3 * inertia(clean));
+  const std::string said = "run_1.csv: speed: 1 spike was replaced by the line";
+  EXPECT_NE(wild.out.find(said), std::string::npos) << wild.out;
+  const Outcome predicted = graybox("predict motor.yaml campaign.yaml");
+  EXPECT_NE(predicted.out.find("note: " + said), std::string::npos) << predicted.out;
 }
 
 // Finding C7.

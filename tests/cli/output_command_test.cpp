@@ -136,6 +136,43 @@ TEST_F(OutputCommand, NoFolderOnAFullDiskIsTakenForSuccess) {
   }
 }
 
+// Files of one answer belong together: where the disk is full at one of them, none of those of the
+// answer before is touched.
+TEST_F(OutputCommand, AFullDiskLeavesTheAnswerBeforeWhole) {
+  const std::string rotor = kExamples + "diagnose/rotor.yaml";
+  record_rotor();
+  struct Answer {
+    std::string command, folder;
+    std::string full;  // the file that meets a full disk
+  };
+  const std::vector<Answer> answers{
+      {"diagnose " + rotor + " campaign -o report", "report", "report.html"},
+      {"design criteria set.h5 -o criteria", "criteria", "criteria_deviations.csv"},
+      {"export " + rotor + " --to csv -o laws", "laws", "spring_motor.csv"},
+      {study + "rows --resume", "rows/tables", "skipped.csv"}};
+  for (const Answer& answer : answers) {
+    ASSERT_LE(graybox(answer.command).exit_code, 1) << answer.command;
+    const std::string full = file(answer.folder + "/" + answer.full);
+    ASSERT_TRUE(fs::remove(full)) << full;
+    fs::create_symlink("/dev/full", full);
+    std::vector<std::string> others;
+    for (const auto& entry : fs::recursive_directory_iterator(file(answer.folder))) {
+      if (!entry.is_regular_file() || entry.is_symlink()) continue;
+      if (entry.path().filename() == "verdict.json") continue;  // tells what is ours
+      others.push_back(entry.path().string());
+      write_text(others.back(), "the answer before");
+    }
+    ASSERT_FALSE(others.empty()) << answer.command;
+    const Outcome outcome = graybox(answer.command);
+    EXPECT_EQ(outcome.exit_code, 2) << answer.command << outcome.out;
+    EXPECT_NE(outcome.err.find("can't be written"), std::string::npos) << outcome.err;
+    for (const std::string& other : others) {
+      EXPECT_EQ(read_text(other), "the answer before") << answer.command << ": " << other;
+    }
+    EXPECT_EQ(temporaries(), 0U) << answer.command;
+  }
+}
+
 // Finding A2.
 TEST_F(OutputCommand, WritesThroughDevicesPipesAndLinks) {
   EXPECT_EQ(graybox("solve set.h5 -o /dev/null").exit_code, 0);

@@ -8,6 +8,7 @@ namespace graybox {
 namespace {
 
 using testing::Outcome;
+using testing::read_text;
 using testing::write_text;
 
 const std::string kExamples = GRAYBOX_SOURCE_DIR "/docs/examples/";
@@ -114,6 +115,34 @@ elements:
   EXPECT_NE(outcome.err.find("hidden.yaml"), std::string::npos) << outcome.err;
   EXPECT_NE(outcome.err.find("delay"), std::string::npos) << outcome.err;
   expect_refused("problem robot --grid 0 -o x.h5", "--grid 0: ");
+}
+
+// Finding E6: a recording that is too short for a step of its campaign file.
+TEST_F(WorkLimits, AStepThatARecordingIsTooShortForNamesBothFiles) {
+  write_text(folder_.file("short.csv"), "time,speed\n0,1\n0.1,2\n");
+  write_text(folder_.file("campaign.yaml"), R"(format: graybox-campaign/1
+sample_time: 0.1
+channels: [{name: speed, unit: rad/s, is: output}]
+experiments: [{file: short.csv}]
+preprocess: [{kind: derivative, of: [speed], name: [acceleration]}]
+)");
+  expect_refused("recordings campaign.yaml",
+                 "campaign.yaml: short.csv: preprocess: derivative needs at least three samples");
+}
+
+// Finding E6: a robot that can't carry itself.
+TEST_F(WorkLimits, AnArmThatFindsNoEquilibriumNamesTheRobotAndTheField) {
+  const std::string source = std::string(GRAYBOX_SOURCE_DIR) + "/problems/robot/";
+  std::string model = read_text(source + "irb6600_like.yaml");
+  const std::string stiff = "stiffness: 2.12e6";
+  ASSERT_NE(model.find(stiff), std::string::npos);
+  model.replace(model.find(stiff), stiff.size(), "stiffness: 10");
+  write_text(folder_.file("soft.yaml"), model);
+  write_text(folder_.file("irb6600_like.urdf"), read_text(source + "irb6600_like.urdf"));
+  const Outcome outcome = graybox("problem robot --model soft.yaml --grid 10 -o x.h5");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_NE(outcome.err.find("soft"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find("'stiffness'"), std::string::npos) << outcome.err;
 }
 
 // Finding E9.
