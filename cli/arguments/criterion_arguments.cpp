@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <numeric>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -207,6 +208,49 @@ std::vector<CriterionKind> kinds_of(const std::string& name) {
   return kinds;
 }
 
+// Whether `name` fits a pattern in which * stands for any text.
+bool fits(std::string_view name, std::string_view pattern) {
+  const std::size_t star = pattern.find('*');
+  if (star == std::string_view::npos) return name == pattern;
+  if (!name.starts_with(pattern.substr(0, star))) return false;
+  for (std::size_t from = star; from <= name.size(); ++from) {
+    if (fits(name.substr(from), pattern.substr(star + 1))) return true;
+  }
+  return false;
+}
+
+std::vector<std::size_t> named_by(const InformationSet& set, const std::string& name) {
+  if (name.find('*') == std::string::npos) return parameter_indices(set, std::vector{name});
+  std::vector<std::size_t> indices;
+  for (std::size_t k = 0; k < set.parameters().size(); ++k) {
+    if (fits(set.parameters()[k], name)) indices.push_back(k);
+  }
+  if (indices.empty()) {
+    throw InputError(fmt::format("--interest: no parameter fits '{}'", name));
+  }
+  return indices;
+}
+
+// "a, b*, !c": names and patterns, less those after '!'. With these alone: all others.
+std::vector<std::size_t> interest_indices(const InformationSet& set, const std::string& text) {
+  std::vector<std::size_t> indices, left_out;
+  bool named = false;
+  for (const std::string& part : split(text, ',')) {
+    const bool out = part.starts_with('!');
+    named = named || !out;
+    for (const std::size_t k : named_by(set, out ? trimmed(part.substr(1)) : part)) {
+      (out ? left_out : indices).push_back(k);
+    }
+  }
+  if (!named) {
+    indices.resize(set.dimension());
+    std::iota(indices.begin(), indices.end(), std::size_t{0});
+  }
+  std::erase_if(indices, [&](std::size_t k) { return std::ranges::count(left_out, k) > 0; });
+  if (indices.empty()) throw InputError(fmt::format("--interest: '{}' leaves no parameter", text));
+  return indices;
+}
+
 Criterion read_kind(const CriterionArguments& arguments, const InformationSet& set,
                     CriterionKind kind) {
   switch (kind) {
@@ -219,7 +263,7 @@ Criterion read_kind(const CriterionArguments& arguments, const InformationSet& s
                               ? weights_from_file(set, arguments.weights)
                               : named_weights(set, arguments.weights));
     case CriterionKind::kDs:
-      return Criterion::ds(parameter_indices(set, split(arguments.interest, ',')));
+      return Criterion::ds(interest_indices(set, arguments.interest));
     case CriterionKind::kC:
       return read_combinations(set, arguments.combination);
     case CriterionKind::kI:
@@ -298,7 +342,8 @@ void add_criterion_options(CLI::App& command, CriterionArguments& arguments) {
                      "W of criterion L: name=weight,... (a diagonal W), or a CSV file with W, or "
                      "with one line for the variance of one combination of the parameters");
   command.add_option("--interest", arguments.interest,
-                     "parameters of interest of criterion Ds: names or indices, with commas");
+                     "parameters of interest of criterion Ds: names or indices, with commas; "
+                     "'joint_*' all that begin so, '!block_*' all but those");
   command.add_option("--combination", arguments.combination,
                      "linear functions of criterion c: name=factor,... with semicolons between "
                      "them, or a CSV file with a function a line");

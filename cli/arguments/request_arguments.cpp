@@ -29,6 +29,7 @@ DesignRequest RequestArguments::read() const {
   replace(options.stock, request.stock, true);
   replace(options.require, request.require, false);
   replace(options.forbid, request.forbid, false);
+  replace(options.block_sizes, request.block_sizes, false);
   replace(options.constraints_file, request.constraints_file, true);
   return request;
 }
@@ -52,6 +53,9 @@ void add_request_options(CLI::App& command, RequestArguments& arguments,
   add("--stock", options.stock, "how often each candidate may be run: a number or CSV");
   add("--require", options.require, "candidates to run at least: '12:2, 40-45'");
   add("--forbid", options.forbid, "candidates not to run: '3, 10-19, q1 > 90 & q2 < 0'");
+  if (experiments != ExperimentsOption::kFound) {
+    add("--block-sizes", options.block_sizes, "experiments in each block: 4,4,4 or 3-5,3-5");
+  }
   add("--constraints", options.constraints_file,
       "limits on groups and other linear constraints: YAML or CSV");
 }

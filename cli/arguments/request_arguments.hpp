@@ -1,6 +1,6 @@
 // The options that say what the next experiments have to obey, shared by solve, check and exact:
-// --request, --experiments, --prior, --done, --costs, --budget, --stock, --require, --forbid and
-// --constraints (solvers/constrained/design_request.hpp).
+// --request, --experiments, --prior, --done, --costs, --budget, --stock, --require, --forbid,
+// --block-sizes and --constraints (solvers/constrained/design_request.hpp).
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -20,7 +20,8 @@ struct RequestArguments {
   [[nodiscard]] bool has_prior() const;
 };
 
-enum class ExperimentsOption : std::int8_t { kAdded, kOwn };  // kOwn: the command has one already
+// kOwn: the command has one already; kFound: it finds their number.
+enum class ExperimentsOption : std::int8_t { kAdded, kOwn, kFound };
 
 void add_request_options(CLI::App& command, RequestArguments& arguments,
                          ExperimentsOption experiments = ExperimentsOption::kAdded);

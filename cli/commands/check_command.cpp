@@ -323,13 +323,10 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Exit code 0 if the duality gap is proven to be at most the gap asked, rounding included,\n"
-      "else 1. Seconds, passes and iterations are those the design states. An exact design (of "
-      "'graybox exact') is "
-      "compared\n"
-      "with the best of its number of experiments, and only held to a gap that is given. A design\n"
-      "made under limits ('graybox design robust --largest-share', 'graybox design spectrum\n"
-      "--position-limit') is held to them and compared with the best that obeys them; so is one\n"
-      "made for a request ('graybox solve --request'), whose files are read again.\n"
+      "else 1. An exact design is compared with the best of its number of experiments, and only\n"
+      "held to a gap that is given. A design made under limits ('graybox design robust\n"
+      "--largest-share', 'graybox design spectrum --position-limit') is held to them and compared\n"
+      "with the best that obeys them; so is one made for a request, whose files are read again.\n"
       "Examples:\n"
       "  graybox check set.h5 design.json\n"
       "  graybox check set.h5 design.json --gap 1e-6 --json\n"

@@ -146,7 +146,7 @@ DesignRequest request_of(const ExactArguments& arguments) {
     require_one_run(arguments, runs.size());
     request.experiments = static_cast<double>(runs.front());
   }
-  if (!request.experiments.has_value() && !request.budget.has_value()) {
+  if (!request.number().has_value() && !request.budget.has_value()) {
     throw InputError("experiments: say how many (--experiments), or what they may cost (--budget)");
   }
   return request;
@@ -278,9 +278,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
                       "run every method for each M and write a CSV table");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "The proven efficiency compares with the best design of M experiments. Exit code 1: time "
-      "was\n"
-      "up (the bound reached is stated), or no regular design was found. Ctrl-C keeps the best.\n"
+      "Exit code 1: time was up (the bound reached is stated), or no regular design was found.\n"
       "Examples:\n"
       "  graybox exact set.h5 --experiments 20 --time-limit 300 --report design.html\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");

@@ -283,12 +283,10 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
-      "Exit code 0: the checker proved the gap asked, rounding included. Ctrl-C keeps the best "
-      "design (1).\n"
+      "Exit code 0: the gap asked is proven, rounding included. Ctrl-C keeps the best (1).\n"
       "Examples:\n"
       "  graybox solve set.h5 --gap 1e-9 -o design.json --report design.html\n"
-      "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"
-      "  graybox solve set.h5 --criterion D --floor A=0.9 --trace trace.jsonl");
+      "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });
 }

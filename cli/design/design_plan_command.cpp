@@ -49,6 +49,11 @@ void require_consistent(const PlanArguments& arguments, const DesignRequest& req
   if (request.experiments.has_value()) {
     throw InputError("experiments: their number is what a plan finds; limit it by --at-most");
   }
+  if (!request.block_sizes.empty()) {
+    throw InputError(
+        "block_sizes: they fix the number of experiments, which a plan finds; limit blocks by "
+        "constraints");
+  }
   if (!(arguments.noise > 0.0) || !std::isfinite(arguments.noise)) {
     throw InputError("noise: a positive factor of the noise that the set assumes");
   }
@@ -263,7 +268,7 @@ void add_design_plan_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--at-most", options.at_most, "experiments, at most")
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000}));
-  add_request_options(*command, arguments->request, ExperimentsOption::kOwn);
+  add_request_options(*command, arguments->request, ExperimentsOption::kFound);
   command->add_option("--time-limit", options.time_limit, "wall seconds")->capture_default_str();
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
   command->add_option("--seed", options.seed, "of the search for whole numbers")

@@ -76,7 +76,7 @@ bool is_of_words(const std::string& option) {
       "--interest", "--weights",  "--require",     "--forbid", "--column",      "--base",
       "--tip",      "--without",  "--load",        "--name",   "--refine",      "--stock",
       "--seed",     "--variable", "--experiments", "--p",      "--floor",       "--target",
-      "--detect",   "--command",  "--joint-limit", "--at",     "--solver-name",
+      "--detect",   "--command",  "--joint-limit", "--at",     "--solver-name", "--block-sizes",
   };
   return std::ranges::find(kWords, option) != std::end(kWords);
 }

@@ -190,6 +190,22 @@ JacobianNoise read_noise(const std::string& text, std::size_t outputs) {
   return JacobianNoise::covariance(table.values, outputs);
 }
 
+BlockEffects read_block_effects(const std::string& path, const Jacobians& jacobians,
+                                std::size_t blocks) {
+  NumberTable table = read_number_table(path);
+  (void)take_candidates(table);
+  const std::size_t rows = jacobians.candidates * jacobians.outputs;
+  if (table.rows != rows) {
+    throw InputError(fmt::format("{}: {} rows, but {} has {}; write one for each of them", path,
+                                 table.rows, jacobians.source, rows));
+  }
+  return {.blocks = blocks,
+          .effects = table.columns,
+          .values = std::move(table.values),
+          .names = std::move(table.names),
+          .source = path};
+}
+
 std::vector<double> read_nominal(const std::string& text, const Jacobians& jacobians) {
   if (text.find('=') != std::string::npos) return named_numbers(text, jacobians);
   if (auto numbers = listed_numbers(text)) return *numbers;

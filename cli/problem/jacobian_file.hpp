@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "problems/information/block_effects.hpp"
 #include "problems/information/jacobian_information.hpp"
 
 namespace graybox::cli {
@@ -20,6 +21,10 @@ namespace graybox::cli {
 
 // "0.1" for all outputs, "0.1,0.2" for each, or the file of a covariance matrix.
 [[nodiscard]] JacobianNoise read_noise(const std::string& text, std::size_t outputs);
+
+// The effects of a block, rows as in the Jacobians; the header their names.
+[[nodiscard]] BlockEffects read_block_effects(const std::string& path, const Jacobians& jacobians,
+                                              std::size_t blocks);
 
 // "k=0.5,c=2", "0.5,2", or a file of one row or one column; in the order of the Jacobians' columns.
 [[nodiscard]] std::vector<double> read_nominal(const std::string& text, const Jacobians& jacobians);

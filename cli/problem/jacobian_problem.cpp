@@ -6,6 +6,7 @@
 
 #include "cli/problem/jacobian_file.hpp"
 #include "problems/base/error.hpp"
+#include "problems/information/block_effects.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -18,8 +19,25 @@ struct JacobianArguments {
   std::string nominal;
   std::string coordinates;
   bool factors = false;
+  std::size_t blocks = 0;
+  std::string block_effects;
   std::string output;
 };
+
+// Every candidate in every block, where blocks are asked for. A generalised linear model has its
+// offset in the linear predictor.
+Jacobians in_blocks(Jacobians jacobians, const JacobianArguments& arguments, bool linear) {
+  if (arguments.blocks == 0) {
+    if (arguments.block_effects.empty()) return jacobians;
+    throw InputError("--block-effects goes with --blocks");
+  }
+  const std::size_t blocks = arguments.blocks;
+  BlockEffects effects = !arguments.block_effects.empty()
+                             ? read_block_effects(arguments.block_effects, jacobians, blocks)
+                         : linear ? offsets_of_outputs(jacobians, blocks)
+                                  : common_offset(jacobians, blocks);
+  return with_block_effects(std::move(jacobians), effects);
+}
 
 InformationSet make_set(const JacobianArguments& arguments) {
   require_place_for_factors(arguments.factors, arguments.output);
@@ -42,9 +60,13 @@ InformationSet make_set(const JacobianArguments& arguments) {
   if (linear) {
     const JacobianNoise noise =
         read_noise(arguments.noise.empty() ? "1" : arguments.noise, jacobians.outputs);
-    return information_set_from_jacobians(std::move(jacobians), noise, form);
+    return information_set_from_jacobians(in_blocks(std::move(jacobians), arguments, linear), noise,
+                                          form);
   }
-  const std::vector<double> nominal = read_nominal(arguments.nominal, jacobians);
+  std::vector<double> nominal = read_nominal(arguments.nominal, jacobians);
+  const std::size_t of_model = jacobians.parameters;
+  jacobians = in_blocks(std::move(jacobians), arguments, linear);
+  nominal.resize(nominal.size() + jacobians.parameters - of_model, 0.0);  // those of the blocks
   const auto model = arguments.model == "logistic" ? GeneralisedLinearModel::kLogistic
                                                    : GeneralisedLinearModel::kPoisson;
   return generalised_linear_set(std::move(jacobians), model, nominal, form);
@@ -86,6 +108,13 @@ void add_jacobian_problem(
                       "logistic, poisson: nominal parameters, name=value,..., or a file");
   command->add_option("--candidates", arguments->coordinates,
                       "CSV: coordinates, one row a candidate");
+  command
+      ->add_option("--blocks", arguments->blocks,
+                   "blocks (days, batches) with effects of their own; each candidate in each")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--block-effects", arguments->block_effects,
+                      "CSV as the Jacobians: derivatives by the effects of a block (default: an "
+                      "offset of each output)");
   command->add_flag("--factors", arguments->factors,
                     "write the factors F of H = F'F, r d numbers a candidate, to .h5");
   command->add_option("-o,--output", arguments->output, "file to write: .h5, .npy, .csv or .mat")
@@ -98,6 +127,7 @@ void add_jacobian_problem(
       "  graybox problem from-jacobians jacobians.csv --noise 0.1 -o set.h5\n"
       "  graybox problem from-jacobians jacobians.npy --noise covariance.csv --candidates "
       "places.csv -o set.h5\n"
+      "  graybox problem from-jacobians jacobians.csv --blocks 3 -o set.h5\n"
       "  graybox problem from-jacobians doses.csv --model logistic --at constant=-2,dose=0.5 "
       "-o set.h5");
   command->callback(

@@ -48,7 +48,12 @@ class ConstrainedRun {
         prior_(coordinates.prior),
         working_(options.criterion, set_.dimension(), coordinates.transformation, prior_,
                  constraints),
-        random_(options.seed) {}
+        random_(options.seed),
+        largest_effort_(set_.candidate_count()) {
+    for (std::size_t i = 0; i < largest_effort_.size(); ++i) {
+      largest_effort_[i] = constraints.largest_effort(i);
+    }
+  }
 
   ConstrainedSolution run();
 
@@ -72,7 +77,7 @@ class ConstrainedRun {
   const std::vector<double>& prior_;
   ConstrainedWorkingSet working_;
   Random random_;
-  std::vector<double> reduced_;
+  std::vector<double> reduced_, largest_effort_;
   std::vector<std::size_t> sample_;  // that the start was chosen from
   std::int64_t rounds_ = 0;
   double best_gap_ = kInfinity;
@@ -95,11 +100,18 @@ bool ConstrainedRun::add_vertex(const CandidatePool& sample) {
       if (optimum.efforts[k] > 0.0) working_.add(i, set_.information(i).data());
     }
   };
-  std::vector<double> gains(sample.count);
-  for (std::size_t k = 0; k < sample.count; ++k) gains[k] = sample.sensitivity[k];
-  const LinearOptimum of_sample = maximise_linear(constraints_, sample.indices, gains);
-  if (of_sample.status == LinearStatus::kOptimal) {
-    add(sample.indices, of_sample);
+  std::vector<double> gains;
+  const std::size_t few = kManyPerParameter * set_.dimension();
+  for (const std::size_t most : {few, sample.count}) {
+    std::vector<std::size_t> best;
+    gains.clear();
+    for (const std::size_t k : violators(sample.sensitivities(), 0.0, most, most, random_)) {
+      best.push_back(sample.candidate(k));
+      gains.push_back(sample.sensitivity[k]);
+    }
+    const LinearOptimum optimum = maximise_linear(constraints_, best, gains);
+    if (optimum.status != LinearStatus::kOptimal) continue;
+    add(best, optimum);
     return true;
   }
   gains.assign(set_.candidate_count(), 1.0);
@@ -114,7 +126,7 @@ bool ConstrainedRun::price_uniformly(const CandidatePool& sample, std::vector<do
   std::vector<double> weights(set_.candidate_count(), 0.0), matrix(set_.packed_size());
   for (std::size_t k = 0; k < sample.count; ++k) {
     const std::size_t i = sample.candidate(k);
-    weights[i] = constraints_.largest_effort(i) / static_cast<double>(sample.count);
+    weights[i] = largest_effort_[i] / static_cast<double>(sample.count);
   }
   information_matrix(set_, weights, matrix);
   for (std::size_t k = 0; k < prior_.size(); ++k) matrix[k] += prior_[k];
@@ -141,20 +153,20 @@ ConstrainedRun::Start ConstrainedRun::begin() {
     }
   }
   for (std::size_t k = 0; k < sample.count; ++k) {
-    if (constraints_.largest_effort(sample.candidate(k)) > 0.0) {
+    if (largest_effort_[sample.candidate(k)] > 0.0) {
       sample_.push_back(sample.candidate(k));
     }
   }
   price_pool(set_, dual, options_.threads, sample);
   tracer_.count_candidates(2 * sample.count);
   for (std::size_t k = 0; k < sample.count; ++k) {
-    sample.sensitivity[k] *= std::min(constraints_.largest_effort(sample.candidate(k)), 1e30);
+    sample.sensitivity[k] *= std::min(largest_effort_[sample.candidate(k)], 1e30);
   }
   if (!add_vertex(sample)) return Start::kInfeasible;
   // Where the limits ask for many, all take part, and the working set is solved by columns.
   if (working_.size() > kManyPerParameter * d && total <= kMostMembers) {
     for (std::size_t i = 0; i < total; ++i) {
-      if (constraints_.largest_effort(i) > 0.0) working_.add(i, set_.information(i).data());
+      if (largest_effort_[i] > 0.0) working_.add(i, set_.information(i).data());
     }
     return Start::kReady;
   }
@@ -180,7 +192,7 @@ double ConstrainedRun::price(CandidatePool& pool) {
     return &pool.sensitivity[static_cast<std::size_t>(found - pool.indices.begin())];
   };
   for (std::size_t k = 0; k < pool.count; ++k) {
-    const double effort = constraints_.largest_effort(pool.candidate(k));
+    const double effort = largest_effort_[pool.candidate(k)];
     pool.sensitivity[k] = effort > 0.0 ? reduced_[k] * effort : -kInfinity;
   }
   for (const std::size_t i : working_.candidates()) {
@@ -207,7 +219,7 @@ std::size_t ConstrainedRun::add_violators(const CandidatePool& pool) {
 
 bool ConstrainedRun::improve(double gap, double tolerance) {
   ++rounds_;
-  const double target = std::max(0.3 * tolerance, std::min(0.1 * gap, gap * gap));
+  const double target = std::max(0.3 * tolerance, std::min(0.3 * gap, gap * gap));
   const bool progress = working_.improve(gap, target);
   working_.drop(std::sqrt(std::min(gap, 1.0)));
   return progress;

@@ -22,6 +22,7 @@ constexpr double kToBoundary = 0.995;
 constexpr double kRowTolerance = 1e-10;    // relative, of the rows
 constexpr double kEquationWidth = 1e-9;    // rows whose bounds are closer count as equations
 constexpr std::size_t kLargestFace = 400;  // free efforts of a last Newton step
+constexpr double kCoarse = 1e-2;           // a gap of a first round, whose rows need not hold yet
 constexpr double kNearLimit = 1e-3;        // of an effort, relative
 constexpr double kSmallestComplementarity = 1e-20;
 
@@ -170,16 +171,14 @@ bool ConstrainedWorkingSet::evaluate() {
   return true;
 }
 
-// The rows g_i with S_ij = g_i . g_j [- w_i w_j], as in smooth_restricted_problem.hpp.
+// The rows g_i of the members listed, S_ij = g_i . g_j [- w_i w_j]: smooth_restricted_problem.hpp.
 void ConstrainedWorkingSet::form_gram_rows() {
-  const std::size_t n = size(), stride = static_cast<std::size_t>(gram_.outerStride());
+  const std::size_t n = listed_.size(), stride = static_cast<std::size_t>(gram_.outerStride());
   if (gram_rows_.size() < n * stride) gram_rows_ = AlignedArray(2 * n * stride);
   new (&gram_) GramMap(gram_rows_.data(), static_cast<Index>(n), static_cast<Index>(stride));
   if (is_determinant_) {
-    std::vector<std::size_t> members(n);
-    std::iota(members.begin(), members.end(), std::size_t{0});
     traces_.resize(n);
-    dense_kernels().whiten(rows_.data(), members.data(), n, dimension_,
+    dense_kernels().whiten(rows_.data(), listed_.data(), n, dimension_,
                            inverse_.inverse_factor().data(), gram_rows_.data(), stride,
                            traces_.data(), scratch_.data());
     gram_ /= std::sqrt(static_cast<double>(dimension_));
@@ -188,7 +187,7 @@ void ConstrainedWorkingSet::form_gram_rows() {
   const auto d = static_cast<Index>(dimension_);
   const Vector& shares = frame_.shares();
   for (std::size_t i = 0; i < n; ++i) {
-    unpack(row(i), dimension_, unpacked_.data());
+    unpack(row(listed_[i]), dimension_, unpacked_.data());
     half_.noalias() = frame_.axes() * unpacked_;
     rotated_.noalias() = half_ * frame_.axes().transpose();
     double* out = gram_rows_.data() + i * stride;
@@ -219,40 +218,50 @@ Eigen::VectorXd ConstrainedWorkingSet::limit_stiffness() const {
 // S + Z as a matrix where members are few; where they are more than the p columns of the g_i, by
 // the formula of Woodbury: n p^2 in place of n^3 / 3.
 bool ConstrainedWorkingSet::factorise_hessian() {
+  listed_.resize(size());
+  std::iota(listed_.begin(), listed_.end(), std::size_t{0});
   form_gram_rows();
   const Vector z = limit_stiffness();
-  by_columns_ = size() > 2 * packed_size_;
-  if (!by_columns_) {
-    Matrix matrix(gram_.rows(), gram_.rows());
+  columns_.used = size() > 2 * packed_size_;
+  if (!columns_.used) {
+    hessian_factor_.resize(gram_.rows(), gram_.rows());
     dense_kernels().gram(gram_rows_.data(), size(), static_cast<std::size_t>(gram_.cols()),
-                         matrix.data());
-    if (frame_.is_trace()) matrix.selfadjointView<Eigen::Lower>().rankUpdate(gain_, -1.0);
-    matrix.diagonal() += z;
-    factor_.compute(matrix);
-    return factor_.info() == Eigen::Success;
+                         hessian_factor_.data());
+    if (frame_.is_trace()) {
+      hessian_factor_.selfadjointView<Eigen::Lower>().rankUpdate(gain_, -1.0);
+    }
+    hessian_factor_.diagonal() += z;
+    return dense_kernels().cholesky(hessian_factor_.data(), size(), 0.0);
   }
-  inverse_stiffness_ = z.cwiseInverse();
-  scaled_gram_ = inverse_stiffness_.cwiseSqrt().asDiagonal() * gram_;
+  columns_.inverse_stiffness = z.cwiseInverse();
+  columns_.scaled_gram = columns_.inverse_stiffness.cwiseSqrt().asDiagonal() * gram_;
   Matrix columns = Matrix::Identity(gram_.cols(), gram_.cols());
-  columns.selfadjointView<Eigen::Lower>().rankUpdate(scaled_gram_.transpose());
-  factor_.compute(columns);
-  if (factor_.info() != Eigen::Success) return false;
+  columns.selfadjointView<Eigen::Lower>().rankUpdate(columns_.scaled_gram.transpose());
+  columns_.factor.compute(columns);
+  if (columns_.factor.info() != Eigen::Success) return false;
   if (!frame_.is_trace()) return true;
-  solved_gain_ = Vector();
-  solved_gain_ = solve_hessian(gain_);
-  downdate_ = 1.0 - gain_.dot(solved_gain_);
-  return downdate_ > 0.0;
+  columns_.solved_gain = Vector();
+  columns_.solved_gain = solve_hessian(gain_);
+  columns_.downdate = 1.0 - gain_.dot(columns_.solved_gain);
+  return columns_.downdate > 0.0;
 }
 
 // (S + Z)^-1 right.
 Eigen::MatrixXd ConstrainedWorkingSet::solve_hessian(const Matrix& right) const {
-  if (!by_columns_) return factor_.solve(right);
-  const Vector root = inverse_stiffness_.cwiseSqrt();
+  if (!columns_.used) {
+    Matrix solved = right;
+    for (Index j = 0; j < solved.cols(); ++j) {
+      dense_kernels().cholesky_solve(hessian_factor_.data(), size(), solved.col(j).data());
+    }
+    return solved;
+  }
+  const Vector root = columns_.inverse_stiffness.cwiseSqrt();
   const Matrix scaled = root.asDiagonal() * right;
   Matrix out = root.asDiagonal() *
-               (scaled - scaled_gram_ * factor_.solve(scaled_gram_.transpose() * scaled));
-  if (frame_.is_trace() && solved_gain_.size() > 0) {
-    out += solved_gain_ * (solved_gain_.transpose() * right) / downdate_;
+               (scaled - columns_.scaled_gram *
+                             columns_.factor.solve(columns_.scaled_gram.transpose() * scaled));
+  if (frame_.is_trace() && columns_.solved_gain.size() > 0) {
+    out += columns_.solved_gain * (columns_.solved_gain.transpose() * right) / columns_.downdate;
   }
   return out;
 }
@@ -270,7 +279,13 @@ bool ConstrainedWorkingSet::factorise() {
     if (std::isfinite(above)) stiffness += state_.s_limits.at_upper(j) / above;
     inverse_slack_(j) = 1.0 / stiffness;
   }
-  Matrix schur = a_ * solve_hessian(a_.transpose());
+  Matrix schur;
+  if (columns_.used) {
+    schur = a_ * solve_hessian(a_.transpose());
+  } else {
+    const Matrix half = hessian_factor_.triangularView<Eigen::Lower>().solve(a_.transpose());
+    schur = half.transpose() * half;
+  }
   const Vector size = schur.diagonal();
   schur.diagonal() += inverse_slack_ + 1e-13 * size;
   schur_factor_.compute(schur);
@@ -482,6 +497,7 @@ bool ConstrainedWorkingSet::improve(double pool_gap, double tolerance) {
   double best = kInfinity;
   for (int count = 0, stalled = 0; count < kStepLimit; ++count) {
     measure_gap();
+    if (gap_ <= tolerance && tolerance >= kCoarse) return true;
     if (gap_ <= tolerance) {
       const State before = state_;
       polish();
@@ -536,10 +552,10 @@ ConstrainedWorkingSet::Face ConstrainedWorkingSet::snap_to_face() {
 // Newton's step in the face. False where it leaves the limits or M is singular.
 bool ConstrainedWorkingSet::step_in(const Face& face) {
   const auto n = static_cast<Index>(face.free.size()), m = static_cast<Index>(face.rows.size());
+  listed_.assign(face.free.begin(), face.free.end());
   form_gram_rows();
-  const Matrix gram = gram_(face.free, Eigen::all);
   Matrix kkt = Matrix::Zero(n + m, n + m);
-  kkt.topLeftCorner(n, n) = gram * gram.transpose();
+  kkt.topLeftCorner(n, n).noalias() = gram_ * gram_.transpose();
   if (frame_.is_trace()) {
     const Vector w = gain_(face.free);
     kkt.topLeftCorner(n, n) -= w * w.transpose();
@@ -573,14 +589,19 @@ void ConstrainedWorkingSet::polish() {
   double best_gap = gap_;
   const Face face = snap_to_face();
   const bool small = face.free.size() <= kLargestFace;
+  bool at_best = false;  // M and w are those of the best
   if (!face.free.empty() && small && evaluate()) {
-    for (int step = 0; step < kSteps && best_gap > kNothingToGain && step_in(face); ++step) {
+    for (int step = 0; step < kSteps && best_gap > kNothingToGain; ++step) {
+      at_best = step_in(face);
+      if (!at_best) break;
       measure_gap();
-      if (!(gap_ <= best_gap)) break;
+      at_best = gap_ <= best_gap;
+      if (!at_best) break;
       best_gap = gap_;
       best = state_;
     }
   }
+  if (at_best) return;
   state_ = std::move(best);
   (void)evaluate();
   measure_gap();

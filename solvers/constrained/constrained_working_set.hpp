@@ -89,6 +89,14 @@ class ConstrainedWorkingSet {
     Vector x, y, s, x_lower, x_upper, s_lower, s_upper;
   };
 
+  // (S + Z)^-1 through I + g^T Z^-1 g, where members are more than its columns.
+  struct ByColumns {
+    bool used = false;
+    Eigen::LLT<Matrix> factor = {};
+    Vector inverse_stiffness = {}, solved_gain = {};
+    Matrix scaled_gram = {};
+    double downdate = 1.0;
+  };
   // Where some efforts stand at their limits and some rows bind.
   struct Face {
     std::vector<Eigen::Index> free;  // efforts that do not
@@ -151,16 +159,14 @@ class ConstrainedWorkingSet {
   double gap_ = 0.0;       // over the members
   std::size_t fresh_ = 0;  // members from here on have never been solved for
 
+  std::vector<std::size_t> listed_;  // members whose rows g_i are formed
   AlignedArray gram_rows_;
   using GramMap =
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
-  GramMap gram_;  // n x stride, the rows g_i
+  GramMap gram_;  // listed x stride, the rows g_i
   std::vector<double> traces_, scratch_;
-  bool by_columns_ = false;
-  Eigen::LLT<Matrix> factor_;  // of S + Z, or of I + g^T Z^-1 g
-  Vector inverse_stiffness_, solved_gain_;
-  Matrix scaled_gram_;
-  double downdate_ = 1.0;
+  Matrix hessian_factor_;  // of S + Z, or
+  ByColumns columns_;
   Matrix half_, rotated_, unpacked_;
   Vector inverse_slack_;
   Eigen::LDLT<Matrix> schur_factor_;

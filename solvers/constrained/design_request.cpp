@@ -18,6 +18,7 @@
 #include "problems/files/yaml_field.hpp"
 #include "problems/formats/information_set_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
+#include "solvers/constrained/block_sizes.hpp"
 #include "solvers/constrained/candidate_selection.hpp"
 #include "solvers/constrained/request_tables.hpp"
 
@@ -66,6 +67,9 @@ class Resolver {
     bound_effort();
     add_limits();
     add_prior();
+    if (!request_.block_sizes.empty()) {
+      std::ranges::move(block_size_rows(set_, request_.block_sizes), std::back_inserter(out_.rows));
+    }
     for (const RequestedConstraint& wanted : request_.constraints) add_constraint(wanted);
     if (!request_.constraints_file.empty()) add_file();
     std::ranges::copy(request_.numbers.rows, std::back_inserter(out_.rows));
@@ -83,12 +87,13 @@ class Resolver {
     if (request_.budget.has_value() == (request_.costs.empty() && numbers.costs.empty())) {
       throw InputError("costs and budget belong together; give both or neither");
     }
-    if (request_.experiments.has_value() || request_.budget.has_value()) return;
+    if (request_.number().has_value() || request_.budget.has_value()) return;
     for (const auto& [name, none] :
          {std::pair{"prior", request_.prior.empty() && numbers.prior.empty()},
           std::pair{"done", request_.done.empty() && numbers.done.empty()},
           std::pair{"stock", request_.stock.empty() && numbers.stock.empty()},
-          std::pair{"require", request_.require.empty()}}) {
+          std::pair{"require", request_.require.empty()},
+          std::pair{"block_sizes", request_.block_sizes.empty()}}) {
       if (none) continue;
       throw InputError(fmt::format(
           "{} counts experiments; say how many come next (experiments) or what they may cost "
@@ -99,12 +104,12 @@ class Resolver {
 
   void bound_effort() {
     if (!request_.budget.has_value()) {
-      out_ = number_of_experiments(set_, request_.experiments.value_or(1.0));
+      out_ = number_of_experiments(set_, request_.number().value_or(1.0));
       return;
     }
     out_ = cost_budget(costs(), *request_.budget);
-    if (request_.experiments.has_value()) {
-      out_.rows.push_back(number_of_experiments(set_, *request_.experiments).rows.front());
+    if (const auto number = request_.number()) {
+      out_.rows.push_back(number_of_experiments(set_, *number).rows.front());
     }
   }
 
@@ -224,8 +229,8 @@ class Resolver {
   void add_bound(LinearConstraint row, const std::string& text, bool below, bool above) {
     double bound = number(row.name, text);
     if (percent(text)) {
-      if (request_.experiments.has_value() || !request_.budget.has_value()) {
-        bound *= 0.01 * request_.experiments.value_or(1.0);
+      if (request_.number().has_value() || !request_.budget.has_value()) {
+        bound *= 0.01 * request_.number().value_or(1.0);
       } else {
         for (double& a : row.coefficients) a -= 0.01 * bound;
         bound = 0.0;
@@ -267,17 +272,22 @@ bool DesignRequest::has_prior() const {
   return !(prior.empty() && done.empty() && numbers.prior.empty() && numbers.done.empty());
 }
 
+std::optional<double> DesignRequest::number() const {
+  if (experiments.has_value() || block_sizes.empty()) return experiments;
+  return experiments_in_blocks(block_sizes);
+}
+
 bool DesignRequest::any() const {
   return experiments.has_value() || budget.has_value() || !constraints.empty() || numbers.any() ||
-         std::ranges::any_of(
-             std::array{&prior, &done, &costs, &stock, &require, &forbid, &constraints_file},
-             [](const std::string* text) { return !text->empty(); });
+         std::ranges::any_of(std::array{&prior, &done, &costs, &stock, &require, &forbid,
+                                        &block_sizes, &constraints_file},
+                             [](const std::string* text) { return !text->empty(); });
 }
 
 DesignRequest read_design_request(const fs::path& path) {
   const YamlField root = YamlField::load(path);
   root.allow_keys({"format", "experiments", "prior", "done", "costs", "budget", "stock", "require",
-                   "forbid", "constraints"});
+                   "forbid", "block_sizes", "constraints"});
   if (root.at("format").text() != kFormat) {
     root.at("format").fail(fmt::format("expected {}", kFormat));
   }
@@ -294,6 +304,7 @@ DesignRequest read_design_request(const fs::path& path) {
   take("stock", request.stock);
   take("require", request.require);
   take("forbid", request.forbid);
+  take("block_sizes", request.block_sizes);
   if (!root.has("constraints")) return request;
   if (root.at("constraints").is_list()) {
     read_constraints(root.at("constraints"), request);
@@ -309,8 +320,8 @@ DesignConstraints resolve(const DesignRequest& request, const InformationSet& se
 
 std::string describe(const DesignRequest& request) {
   std::vector<std::string> parts;
-  if (request.experiments.has_value()) {
-    parts.push_back(fmt::format("{:g} experiments", *request.experiments));
+  if (const auto number = request.number()) {
+    parts.push_back(fmt::format("{:g} experiments", *number));
   }
   if (request.budget.has_value()) parts.push_back(fmt::format("a budget of {:g}", *request.budget));
   const auto add = [&](const char* what, const std::string& text) {
@@ -321,6 +332,7 @@ std::string describe(const DesignRequest& request) {
   add("stock", request.stock);
   add("required", request.require);
   add("forbidden", request.forbid);
+  add("blocks of", request.block_sizes);
   add("constraints", request.constraints_file);
   for (const RequestedConstraint& wanted : request.constraints) parts.push_back(wanted.name);
   return fmt::format("{}", fmt::join(parts, ", "));
@@ -365,6 +377,7 @@ Json to_json(const DesignRequest& request, const DesignConstraints& constraints,
   add("stock", request.stock, true);
   add("require", request.require, false);
   add("forbid", request.forbid, false);
+  add("block_sizes", request.block_sizes, false);
   add("constraints_file", request.constraints_file, true);
   for (const RequestedConstraint& wanted : request.constraints) {
     Json entry{{"name", wanted.name}};
@@ -405,6 +418,7 @@ DesignRequest design_request(const Json& entry, const fs::path& folder) {
   request.stock = text(entry, "stock");
   request.require = text(entry, "require");
   request.forbid = text(entry, "forbid");
+  request.block_sizes = text(entry, "block_sizes");
   request.constraints_file = text(entry, "constraints_file");
   if (!entry.contains("constraints")) return request;
   if (!entry["constraints"].is_array()) throw InputError("request.constraints must be a list");

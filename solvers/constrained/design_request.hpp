@@ -12,6 +12,7 @@
 //   stock: 1                       # each at most so often; or a file of Q numbers
 //   require: 12:2, 40-45           # candidate_selection.hpp
 //   forbid: q1 > 90 & q2 < 0
+//   block_sizes: 4, 4, 4           # block_sizes.hpp
 //   constraints:
 //     - name: left side
 //       candidates: q1 < 0
@@ -60,6 +61,7 @@ struct DesignRequest {
   std::optional<double> experiments = {};
   std::optional<double> budget = {};
   std::string prior = {}, done = {}, costs = {}, stock = {}, require = {}, forbid = {};
+  std::string block_sizes = {};
   std::string constraints_file = {};
   std::vector<RequestedConstraint> constraints = {};
   std::filesystem::path folder = {};  // that file names are relative to
@@ -67,6 +69,8 @@ struct DesignRequest {
 
   // Whether anything is asked for beyond the plain problem.
   [[nodiscard]] bool any() const;
+  // How many come next, in all: as asked, or the sum of the blocks.
+  [[nodiscard]] std::optional<double> number() const;
   // Whether there is information before the first experiment, so that a set may be singular.
   [[nodiscard]] bool has_prior() const;
 };

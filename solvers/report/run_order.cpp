@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <numeric>
+#include <optional>
 
 namespace graybox {
 namespace {
@@ -14,6 +16,23 @@ constexpr std::size_t kMostStarts = 40;  // of nearest-neighbour paths
 constexpr int kMostRounds = 200;         // of improvements of one path
 
 using Path = std::vector<std::size_t>;
+
+// The column of the block; the number of columns where there is none.
+std::size_t block_column(const CandidateTable& table) {
+  return static_cast<std::size_t>(std::ranges::find(table.names, "block") - table.names.begin());
+}
+
+// The unit of all coordinates but the block; nothing where they have several.
+std::optional<std::string> common_unit(const CandidateTable& table) {
+  std::optional<std::string> unit;
+  const std::size_t block = block_column(table);
+  for (std::size_t k = 0; k < table.units.size(); ++k) {
+    if (k == block) continue;
+    if (unit.has_value() && *unit != table.units[k]) return std::nullopt;
+    unit = table.units[k];
+  }
+  return unit.value_or("");
+}
 
 // Lengths of all steps, n x n.
 class StepLengths {
@@ -48,9 +67,7 @@ class StepLengths {
                                     std::span<const std::size_t> candidates) {
     const CandidateTable& table = set.candidates();
     std::vector<double> scale(table.names.size(), 1.0);
-    if (std::ranges::adjacent_find(table.units, std::ranges::not_equal_to()) == table.units.end()) {
-      return scale;
-    }
+    if (common_unit(table).has_value()) return scale;
     for (std::size_t k = 0; k < scale.size(); ++k) {
       double low = kEndless, high = -kEndless;
       for (const std::size_t candidate : candidates) {
@@ -180,23 +197,46 @@ Path short_path(const StepLengths& step) {
   return best;
 }
 
-}  // namespace
-
-RunOrder run_order(const InformationSet& set, std::span<const std::size_t> candidates) {
+// Candidates of one block.
+RunOrder order_in_block(const InformationSet& set, std::span<const std::size_t> candidates) {
   RunOrder order;
   order.places.resize(candidates.size());
   std::iota(order.places.begin(), order.places.end(), std::size_t{0});
-  const CandidateTable& table = set.candidates();
-  if (table.names.empty() || candidates.size() < 2) return order;
+  if (candidates.size() < 2) return order;
   const StepLengths step(set, candidates);
   order.is_shortest = candidates.size() <= kOptimalOrder;
   order.places = order.is_shortest ? shortest_path(step) : short_path(step);
   // A path is as long from either end: it begins at the end that was listed first.
   if (order.places.front() > order.places.back()) std::ranges::reverse(order.places);
   order.length = step.of(order.places);
-  const bool one_unit =
-      std::ranges::adjacent_find(table.units, std::ranges::not_equal_to()) == table.units.end();
-  if (one_unit && !table.units.empty()) order.unit = table.units.front();
+  return order;
+}
+
+}  // namespace
+
+RunOrder run_order(const InformationSet& set, std::span<const std::size_t> candidates) {
+  const CandidateTable& table = set.candidates();
+  RunOrder order;
+  if (table.names.empty()) {
+    order.places.resize(candidates.size());
+    std::iota(order.places.begin(), order.places.end(), std::size_t{0});
+    return order;
+  }
+  const std::size_t column = block_column(table);
+  std::map<double, Path> blocks;  // places of the candidates of each
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    const auto coordinates = set.coordinates(candidates[k]);
+    blocks[column < coordinates.size() ? coordinates[column] : 0.0].push_back(k);
+  }
+  for (const auto& [block, places] : blocks) {
+    Path members;
+    for (const std::size_t place : places) members.push_back(candidates[place]);
+    const RunOrder inside = order_in_block(set, members);
+    for (const std::size_t k : inside.places) order.places.push_back(places[k]);
+    order.length += inside.length;
+    order.is_shortest = order.is_shortest && inside.is_shortest;
+  }
+  order.unit = common_unit(table).value_or("");
   return order;
 }
 

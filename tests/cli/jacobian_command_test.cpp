@@ -76,6 +76,54 @@ TEST_F(JacobianCommand, LogisticRegressionHasTheTextbooksDesign) {
                 {{0.5 - 0.5 * 1.5434, 0.5}, {0.5 + 0.5 * 1.5434, 0.5}});
 }
 
+// A straight line in two days of two runs: one at each end on each day, whose slope has S = 4. The
+// design is checked again from its file, and a generalised linear model has one offset a day.
+TEST_F(JacobianCommand, DaysHaveOffsetsOfTheirOwn) {
+  testing::write_text(folder_.file("line.csv"), "slope\n-1\n0\n1\n");
+  ASSERT_EQ(graybox("problem from-jacobians line.csv --blocks 2 -o days.h5").exit_code, 0);
+  const std::string asked = "--criterion Ds --interest '!block_*' --block-sizes 2,2 ";
+  for (const char* command : {"solve", "exact"}) {
+    SCOPED_TRACE(command);
+    const testing::Outcome found =
+        graybox(fmt::format("{} days.h5 {} -o design.json", command, asked));
+    ASSERT_EQ(found.exit_code, 0) << found.err;
+    EXPECT_EQ(graybox("check days.h5 design.json").exit_code, 0);
+    const auto design = nlohmann::json::parse(testing::read_text(folder_.file("design.json")));
+    EXPECT_EQ(design["request"]["block_sizes"], "2,2");
+    double runs = 0.0;
+    for (const auto& entry : design["support"]) {
+      const double x = entry["candidate"]["experiment"];
+      if (x != 1.0) runs += 4.0 * entry["weight"].get<double>();
+    }
+    EXPECT_NEAR(runs, 4.0, 1e-6);
+  }
+  ASSERT_EQ(graybox("problem from-jacobians line.csv --outputs 3 --model logistic --at slope=1 "
+                    "--blocks 2 -o one.h5")
+                .exit_code,
+            0);
+  const testing::Outcome one = graybox("solve one.h5 --criterion Ds --interest nothing");
+  EXPECT_NE(one.err.find("slope, block_1.offset, block_2.offset"), std::string::npos) << one.err;
+}
+
+TEST_F(JacobianCommand, WrongBlocksAreOneLine) {
+  testing::write_text(folder_.file("line.csv"), "one,slope\n1,-1\n1,0\n1,1\n");
+  testing::write_text(folder_.file("short.csv"), "drift\n1\n");
+  const auto refused = [&](const std::string& command, const std::string& text) {
+    const testing::Outcome outcome = graybox(command);
+    EXPECT_EQ(outcome.exit_code, 2) << command;
+    EXPECT_NE(outcome.err.find(text), std::string::npos) << outcome.err;
+  };
+  const std::string make = "problem from-jacobians line.csv -o set.h5 ";
+  refused(make + "--blocks 2", "column 'one' can't be told from the effects of the blocks");
+  refused(make + "--block-effects short.csv", "--block-effects goes with --blocks");
+  refused(make + "--blocks 2 --block-effects short.csv", "1 rows, but line.csv has 3");
+  ASSERT_EQ(graybox(make).exit_code, 0);
+  refused("solve set.h5 --block-sizes 2,2", "has no coordinate 'block'");
+  refused("solve set.h5 --block-sizes 2,b", "'b' is no size");
+  refused("solve set.h5 --criterion Ds --interest 'b*'", "no parameter fits 'b*'");
+  refused("solve set.h5 --criterion Ds --interest '!*'", "leaves no parameter");
+}
+
 // eta = its upper bound and 2 less (Ford, Torsney and Wu 1992).
 TEST_F(JacobianCommand, PoissonRegressionHasTheTextbooksDesign) {
   write_grid(-6.0, 0.0, 6001, "a,b", straight_line);

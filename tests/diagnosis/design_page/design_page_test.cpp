@@ -105,6 +105,18 @@ TEST(RunOrder, DividesCoordinatesOfOtherUnitsByTheirRanges) {
   EXPECT_NEAR(order.length, shortest_by_trying(set, scale), 1e-12);
 }
 
+// One block after the other, though neighbours lie in different ones.
+TEST(RunOrder, RunsBlockAfterBlock) {
+  const InformationSet plain = random_set(6, 1, 1);
+  CandidateTable table{{"x", "block"}, {"mm", ""}, {5, 1, 4, 2, 3, 1, 0, 2, 1, 1, 9, 2}};
+  const InformationSet set(plain.dimension(), AlignedArray(plain.information(0).size() * 6, 1.0),
+                           std::move(table));
+  const RunOrder order = run_order(set, first(6));
+  EXPECT_EQ(order.places, (std::vector<std::size_t>{0, 2, 4, 3, 1, 5}));
+  EXPECT_EQ(order.length, 4.0 + 9.0);
+  EXPECT_EQ(order.unit, "mm");
+}
+
 // Many candidates in a row, and on a square grid, where the shortest paths are known.
 TEST(RunOrder, FindsKnownPathsOfManyCandidates) {
   Random random(4);
