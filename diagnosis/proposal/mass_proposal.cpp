@@ -184,6 +184,7 @@ class MassProposal {
 
   // The drive of a position servo: the difference of its goal and the position.
   void take_goal() {
+    motion_ = motion_of_drive();  // for the words of the note
     guess("drive", fmt::format("'{}' - position", drive_->name),
           "you said so: the goal of a servo");
     proposal_.notes.push_back(fmt::format(
