@@ -53,12 +53,16 @@ void require_applicable(const Arguments& arguments, const ProposalRequest& reque
              "--linear and --rotary: not beside a URDF, which says how its joints move"},
         Rule{request.counts_per_turn.has_value(), false,
              "--counts-per-turn: not beside a URDF: state positions in rad or deg"},
+        Rule{request.no_drive, false, "--no-drive: not beside a URDF: its joints have drives"},
         Rule{request.gain.has_value(), false,
              "--gain: not beside a URDF: each drive's gain is estimated, or stands in "
              "campaign.yaml"},
         Rule{!request.base.empty(), true, "--base: names a link of a URDF, and none is given"},
         Rule{!request.tip.empty(), true, "--tip: names a link of a URDF, and none is given"}}) {
     if (rule.is_given && rule.needs_robot != is_robot) throw InputError(rule.text);
+  }
+  if (request.no_drive && request.gain) {
+    throw InputError("--gain: is of a drive, and --no-drive says that there is none");
   }
 }
 
@@ -111,6 +115,7 @@ bool take_answer(const OpenQuestion& question, const std::string& line, Proposal
       for (const std::string& each : question.choices[place - 1].columns) {
         request.columns.push_back(column_answer(each));
       }
+      request.no_drive = request.no_drive || question.choices[place - 1].no_drive;
       return true;
     }
   } catch (const std::logic_error&) {  // no number
@@ -207,6 +212,8 @@ void add_options(CLI::App& command, Arguments& arguments) {
       ->check(CLI::PositiveNumber);
   command.add_option("--gain", arguments.request.gain,
                      "N m (N) for one recorded unit of the drive");
+  command.add_flag("--no-drive", arguments.request.no_drive,
+                   "no force acts: a run-down or a free swing");
   command.add_option("--counts-per-turn", arguments.request.counts_per_turn, "of the encoder")
       ->check(CLI::PositiveNumber);
   auto* linear = command.add_flag("--linear", arguments.linear, "the masses move along a line");
@@ -228,6 +235,7 @@ void add_model_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox model --one-mass run_1.csv run_2.csv -o axis\n"
       "  graybox model motor.csv --column 'enc=position:deg' --gain 0.12\n"
+      "  graybox model swing.csv --no-drive -o swing\n"
       "  graybox model robot.urdf position.csv effort.csv -o robot\n"
       "  graybox model robot.urdf log.csv --column '2..7=position' --column '8..13=current'\n"
       "Then: graybox diagnose axis/model.yaml axis/campaign.yaml");

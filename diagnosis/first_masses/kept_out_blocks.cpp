@@ -23,6 +23,8 @@ struct Added {
   ArrayXd forwards, backwards;  // of the motion
   // What tells a mass, viscous and dry friction and a constant apart: a column each.
   Eigen::ArrayX4d told;
+  // Positions, in place of `motion`: what hardly moves has little way, however it trembles.
+  ArrayXd place;
 };
 
 // Cut at the size that all but a few samples keep: one spike would have all the squares.
@@ -42,7 +44,8 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
-              Eigen::ArrayX4d::Zero(n, 4)};
+              Eigen::ArrayX4d::Zero(n, 4),
+              is_velocity ? ArrayXd() : ArrayXd(motion.array())};
   ArrayXd rates = motion.array();
   for (Index k = 0; k < n; ++k) {
     const double change = motion(k) - motion(std::max<Index>(0, k - over));
@@ -79,6 +82,7 @@ struct Shares {
       (b % 2 == 0 ? fitted : kept) += values.segment(first, last - first).sum();
     }
   }
+  // Also where there is nothing to share.
   [[nodiscard]] bool have_each(double share) const {
     return std::min(kept, fitted) >= share * (kept + fitted);
   }
@@ -117,6 +121,36 @@ bool turns_between_halves(const Added& added) {
          !Shares(added.backwards, 2).have_each(kNothing);
 }
 
+// The way between the first and the last twentieth of the places that are passed.
+double way_of(const ArrayXd& place) {
+  std::vector<double> sorted(place.begin(), place.end());
+  std::ranges::sort(sorted);
+  const std::size_t cut = sorted.size() / 20;
+  return sorted[sorted.size() - 1 - cut] - sorted[cut];
+}
+
+// Which half goes less than a tenth of the whole way: -1 the first, 1 the second, 0 neither.
+int still_half(const ArrayXd& place) {
+  constexpr double kHardly = 0.1;
+  if (place.size() == 0) return 0;
+  const Index half = place.size() / 2;
+  const double least = kHardly * way_of(place);
+  if (way_of(place.head(half)) < least) return -1;
+  return way_of(place.tail(place.size() - half)) < least ? 1 : 0;
+}
+
+// Whether both roles go their share of the ways of all blocks.
+bool have_ways(const ArrayXd& place, Index blocks) {
+  if (place.size() == 0) return true;
+  const Index n = place.size();
+  double ways[2] = {0.0, 0.0};
+  for (Index b = 0; b < blocks; ++b) {
+    const Index first = b * n / blocks, last = (b + 1) * n / blocks;
+    ways[b % 2] += way_of(place.segment(first, last - first));
+  }
+  return std::min(ways[0], ways[1]) >= kShare * (ways[0] + ways[1]);
+}
+
 bool is_chirp(const ArrayXd& crossings) {
   const Index n = crossings.size();
   double quarter[4];
@@ -144,6 +178,9 @@ std::string reason_against_halves(const Added& added) {
   }
   if (turns_between_halves(added)) return "the axis goes one way in each half";
   if (is_chirp(added.crossings)) return "the drive's frequency changes along the log";
+  if (const int still = still_half(added.place); still != 0) {
+    return still > 0 ? "nothing moves in the second half" : "nothing moves in the first half";
+  }
   return told_by_each(added, 2) < kNothing ? "starts and stops are in one half" : "";
 }
 
@@ -160,6 +197,7 @@ std::vector<SplitTrial> fair_splits(const Added& added) {
     if (added.drive.size() / blocks < kFewestOfBlock) break;
     if (!Shares(added.drive, blocks).have_each(kShare)) continue;
     if (!Shares(added.motion, blocks).have_each(kShare)) continue;
+    if (!have_ways(added.place, blocks)) continue;
     const bool has_both_ways = Shares(added.forwards, blocks).have_each(kShare) &&
                                Shares(added.backwards, blocks).have_each(kShare);
     if (by_way && !has_both_ways) continue;
@@ -176,7 +214,7 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   KeptOutBlocks split;
   if (drive.size() != motion.size() || drive.size() < 2 * kFewestOfBlock) return split;
   const Added added = added_by(drive, motion, is_velocity);
-  if (!(added.drive.sum() > 0.0) || !(added.motion.sum() > 0.0)) return split;
+  if (!(added.motion.sum() > 0.0)) return split;
   split.reason = reason_against_halves(added);
   if (split.reason.empty()) return split;
   const std::vector<SplitTrial> trials = fair_splits(added);

@@ -2,16 +2,17 @@
 // where halves are not alike.
 //
 // Halves are not alike where one of them has less than a fiftieth of the drive's squares: the
-// machine coasts there. The same holds for the motion's squares: it stands. And they are not where
-// the axis goes one way in the first half and the other way in the second, or where the drive's
-// frequency rises or falls along all quarters of the log, by 2.5 in all: a chirp. The
-// frequency is counted by crossings of the mean. Nor are they where one half hardly tells a mass,
-// viscous and dry friction and a constant apart (steady motion): it has less than a fiftieth of
-// what the log tells of one of them, or of a combination.
+// machine coasts there. The same holds for the motion's squares: it stands. So it does where a
+// position goes less than a tenth of its way, however it trembles. Where nothing drives at all, the
+// motion alone decides. And they are not where the axis goes one way in the first half and the
+// other way in the second, or where the drive's frequency rises or falls along all quarters of the
+// log, by 2.5 in all: a chirp. The frequency is counted by crossings of the mean. Nor are they
+// where one half hardly tells a mass, viscous and dry friction and a constant apart (steady
+// motion): it has less than a fiftieth of what the log tells of one of them, or of a combination.
 //
 // Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
-// a fifth of both squares, crossings alike within a half, and a fiftieth of what the log tells. The
-// fewest blocks are taken that tell a quarter of what the best do.
+// a fifth of both squares and of the way, crossings alike within a half, and a fiftieth of what the
+// log tells. The fewest blocks are taken that tell a quarter of what the best do.
 // Cost: O(n) for each number of blocks.
 //
 //   const KeptOutBlocks split = kept_out_blocks(drive, position, false);

@@ -13,8 +13,9 @@
 // it comes to rest where its velocity, straight in time, passes zero. It breaks away where the
 // pull, straight in time, passes the level. So predictions depend on parameters without jumps, and
 // no transition velocity makes the equations stiff. A transition that is wide enough to be seen, h
-// F b' M^-1 b / v_t < 4, is the law's curve as it is, in steps h/m of which each passes less than
-// half of it; so is friction of imposed motion, where v is not the model's to change. Where a rectifying sensor reads a negative signal, more of the
+// F b' M^-1 b / v_t < 4, is the law's curve as it is. The step is then divided, so that none passes
+// more than half of the transition. So is friction of imposed motion, where v is not the model's to
+// change. Where a rectifying sensor reads a negative signal, more of the
 // reading is less of the signal, and e_k is taken with the other sign. A lag or a resonance of a
 // sensor is exact for outputs that are straight within a step, where what is held jumps between
 // two. A late sensor reads what the state was then, and is corrected there, since earlier outputs

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "diagnosis/proposal/motion_span.hpp"
+#include "diagnosis/recordings/campaign.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {
@@ -22,7 +23,16 @@ std::string behind(const std::string& line, const std::string& comment) {
   return fmt::format("{:<46} {}{}\n", line, sign, comment);
 }
 
-std::string time_text(const LogTime& time) {
+// A column that readers would take for the time by its name, and that is not to be used.
+std::string ignored_time(const std::vector<LogRecording>& recordings) {
+  const std::string usual = TimeColumn().column;
+  for (const LogColumn& column : recordings.front().columns) {
+    if (column.name == usual) return behind("time: ignore", "'" + usual + "' is not used");
+  }
+  return "";
+}
+
+std::string time_text(const LogTime& time, const std::vector<LogRecording>& recordings) {
   const bool is_open = time.sample_time <= 0.0;
   if (is_open && time.column.empty()) {
     return behind("sample_time: ANSWER",
@@ -36,9 +46,13 @@ std::string time_text(const LogTime& time) {
   } else {
     text = behind("sample_time: irregular", "resampled below");
   }
-  if (time.column.empty()) return text;
-  const std::string line = fmt::format("time: {{column: {}, unit: {}}}", in_quotes(time.column),
-                                       is_open ? "ANSWER" : time.unit);
+  if (time.column.empty()) return text + ignored_time(recordings);
+  std::string more = time.factor == 1.0 ? "" : fmt::format(", factor: {:.10g}", time.factor);
+  if (time.burst >= 0.0 && !is_open) {
+    more += fmt::format(", burst: {:.3g}", time.burst * time.seconds());
+  }
+  const std::string line = fmt::format("time: {{column: {}, unit: {}{}}}", in_quotes(time.column),
+                                       is_open ? "ANSWER" : time.unit, more);
   return text + behind(line, is_open
                                  ? fmt::format("# ANSWER: which unit have steps of {:g}: s, ms, "
                                                "us or ns?",
@@ -101,6 +115,7 @@ std::string preprocess_text(const CampaignDraft& draft) {
     text += behind(fmt::format("  - {{kind: decimate, factor: {}}}", draft.decimation),
                    "each value is held so long");
   }
+  for (const std::string& each : draft.computed) text += each;
   return text.empty() ? text : "preprocess:\n" + text;
 }
 
@@ -133,8 +148,8 @@ std::string experiments_text(const CampaignDraft& draft,
     const LogRecording& recording = recordings[each.recording];
     text += "  - " + files_text(draft, recording, folder) + "\n";
     if (!each.is_whole || recording.is_part) {
-      text += behind(fmt::format("    segments: [[{}, {}]]", recording.first_row + each.first,
-                                 recording.first_row + each.last),
+      text += behind(fmt::format("    segments: [[{}, {}]]", recording.file_row(each.first),
+                                 recording.file_row(each.last)),
                      draft.keeps_standstill || each.is_whole ? "samples, from 0"
                                                              : "samples that move, from 0");
     }
@@ -156,14 +171,16 @@ std::string in_quotes(const std::string& text) {
 
 std::string campaign_text(const CampaignDraft& draft, const std::vector<LogRecording>& recordings,
                           const std::filesystem::path& folder) {
-  std::string text = draft.heading + "format: graybox-campaign/1\n" + time_text(draft.time);
+  std::string text =
+      draft.heading + "format: graybox-campaign/1\n" + time_text(draft.time, recordings);
   text += "channels:\n";
   for (const DraftChannel& channel : draft.channels) {
     text += channel_text(channel, recordings.front());
   }
   text += behind("hold: " + draft.hold, draft.hold == "zero"
                                             ? "a controller holds its output between samples"
-                                            : "uneven times");
+                                        : draft.hold_reason.empty() ? "uneven times"
+                                                                    : draft.hold_reason);
   text += preprocess_text(draft) + experiments_text(draft, recordings, folder);
   if (!draft.unused.empty()) text += "# Not used:\n";
   for (const std::string& each : draft.unused) text += "#   " + each + "\n";

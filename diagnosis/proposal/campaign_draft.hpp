@@ -47,13 +47,14 @@ struct CampaignDraft {
   std::string heading;  // comment lines without their sign
   LogTime time;
   std::vector<DraftChannel> channels;
-  std::vector<DraftWrap> wrapped;   // channels that jump by whole periods
-  std::vector<std::string> gapped;  // channels with values that are no numbers
-  std::optional<double> low_pass;   // Hz
+  std::vector<std::string> computed;  // last steps of `preprocess`, a line each
+  std::vector<DraftWrap> wrapped;     // channels that jump by whole periods
+  std::vector<std::string> gapped;    // channels with values that are no numbers
+  std::optional<double> low_pass;     // Hz
   std::string low_pass_reason;
   Eigen::Index decimation = 1;  // of even samples without a column of times
   bool keeps_standstill = false;
-  std::string hold = "zero";
+  std::string hold = "zero", hold_reason = {};
   std::vector<DraftExperiment> experiments;
   std::vector<std::string> unused;  // "column: why not", for the comment at the end
 };

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "diagnosis/proposal/drive_manner.hpp"
+#include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/recordings/late_signal.hpp"
 
 namespace graybox {
@@ -140,7 +141,8 @@ std::vector<const LogColumn*> moving_columns(const std::vector<const LogColumn*>
                                              LogQuantity quantity) {
   std::vector<const LogColumn*> moving;
   for (const LogColumn* column : columns) {
-    if (column->words.quantity == quantity && column->moves()) moving.push_back(column);
+    if (column->words.quantity == quantity && column->moves() && !column->is_goal)
+      moving.push_back(column);
   }
   return moving;
 }
@@ -186,6 +188,115 @@ ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns, LogQu
     }
   }
   return {nullptr, "", best};
+}
+
+namespace {
+
+std::string answer_of(const LogColumn& column) {
+  const bool is_known = drives(column.words.quantity);
+  return fmt::format("{}={}", column.name, is_known ? name_of(column.words.quantity) : "command");
+}
+
+}  // namespace
+
+const LogColumn* goal_among(const std::vector<const LogColumn*>& columns) {
+  const auto found = std::ranges::find_if(columns, &LogColumn::is_goal);
+  return found == columns.end() ? nullptr : *found;
+}
+
+void offer_goals(const std::vector<const LogColumn*>& columns, OpenQuestion& question) {
+  for (const LogColumn* column : moving_columns(columns, LogQuantity::kPosition)) {
+    if (!column->words.is_reference) continue;
+    question.choices.push_back(
+        {fmt::format("a position servo that follows '{}', a reference", column->name),
+         {column->name + "=goal"}});
+    question.option +=
+        fmt::format(", or --column '{}=goal' for a servo that drives by '{}' - position",
+                    column->name, column->name);
+  }
+}
+
+void note_reference(const LogColumn& drive, std::vector<std::string>& notes) {
+  const ColumnWords title = read_column_words(drive.name, drive.stated_unit);
+  if (!drive.answered || !title.is_reference || title.quantity != LogQuantity::kPosition) return;
+  notes.push_back(fmt::format(
+      "'{}' is a position's reference by its title: a servo follows it, and the position is its "
+      "answer, not that of a machine to a force. Say --column '{}=goal' to take what is left of it "
+      "for the drive",
+      drive.name, drive.name));
+}
+
+OpenQuestion question_of_drives(const std::vector<const LogColumn*>& rivals, MotionKind motion) {
+  OpenQuestion question = which_of(rivals, "force, torque, current or command that drives");
+  for (std::size_t k = 0; k < rivals.size(); ++k) {
+    question.choices[k].columns = {answer_of(*rivals[k])};
+  }
+  const bool all_known = std::ranges::all_of(
+      rivals, [](const LogColumn* rival) { return drives(rival->words.quantity); });
+  question.option = fmt::format("--column '{}={}', say", rivals.front()->name,
+                                motion == MotionKind::kLinear ? "force" : "torque");
+  constexpr std::size_t kFew = 3;
+  if (!all_known || rivals.size() > kFew) return question;
+  question.option.clear();
+  for (const LogColumn* rival : rivals) {
+    question.option +=
+        fmt::format("{}--column '{}'", question.option.empty() ? "" : " or ", answer_of(*rival));
+  }
+  return question;
+}
+
+OpenQuestion question_of_doubt(const ColumnChoice& choice,
+                               const std::vector<const LogColumn*>& open) {
+  const LogColumn& column = *choice.rivals.front();
+  const std::string other = open.empty() ? "OTHER" : open.front()->name;
+  OpenQuestion question;
+  question.text = fmt::format("Is '{}' the drive? It {}.", column.name, choice.doubt);
+  question.option =
+      fmt::format("--column '{}' if it is; else --column '{}=ignore' --column '{}=torque'{}",
+                  answer_of(column), column.name, other, open.empty() ? "" : ", say");
+  question.choices = {{"it is the drive", {answer_of(column)}}};
+  for (const LogColumn* each : open) {
+    question.choices.push_back(
+        {fmt::format("'{}' is", each->name), {answer_of(*each), column.name + "=ignore"}});
+  }
+  question.choices.push_back({"it is not", {column.name + "=ignore"}});
+  return question;
+}
+
+OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns) {
+  OpenQuestion question;
+  question.text = fmt::format(
+      "What drives the machine? No column is a force, torque, current, voltage or command that "
+      "moves{}.",
+      still_columns(columns));
+  question.option = "--no-drive if no force acts (a run-down, a free swing)";
+  question.choices = {{"nothing: a run-down or a free swing", {}, true}};
+  for (const LogColumn* column : moving_columns(columns, LogQuantity::kAcceleration)) {
+    if (column->words.side != DriveSide::kMotor && !column->words.is_reference) continue;
+    question.choices.push_back(
+        {fmt::format("'{}', an acceleration that is commanded", column->name),
+         {column->name + "=command"}});
+    question.option += fmt::format(", or --column '{}=command' if that is commanded", column->name);
+  }
+  offer_goals(columns, question);
+  question.option += ", or --column NAME=torque";
+  return question;
+}
+
+std::string still_columns(const std::vector<const LogColumn*>& columns) {
+  std::string names;
+  for (const LogColumn* column : columns) {
+    if (column->moves()) continue;
+    names += fmt::format("{}'{}'", names.empty() ? "" : ", ", column->name);
+  }
+  return names.empty() ? names : fmt::format(" (constant here: {})", names);
+}
+
+std::string words_of_accelerations(const std::vector<const LogColumn*>& columns) {
+  return moving_columns(columns, LogQuantity::kAcceleration).empty()
+             ? ""
+             : "; accelerations alone are not proposed: write the model by hand, with 'quantity: "
+               "acceleration' at its output";
 }
 
 }  // namespace graybox

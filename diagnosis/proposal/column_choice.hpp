@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/proposal/proposal.hpp"
 
 namespace graybox {
 
@@ -38,6 +39,27 @@ struct ColumnChoice {
     const std::vector<const LogColumn*>& columns, LogQuantity quantity);
 
 [[nodiscard]] double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b);
+
+// ---- what is asked of drives ----
+
+// What the user calls the goal of a servo; null where there is none.
+[[nodiscard]] const LogColumn* goal_among(const std::vector<const LogColumn*>& columns);
+// Which of several columns is the drive?
+[[nodiscard]] OpenQuestion question_of_drives(const std::vector<const LogColumn*>& rivals,
+                                              MotionKind motion);
+// The only column that may be the drive, and hardly is; others whose titles say nothing may be.
+[[nodiscard]] OpenQuestion question_of_doubt(const ColumnChoice& choice,
+                                             const std::vector<const LogColumn*>& open);
+// No column is a drive by its title, and something moves: nothing may drive, or what a title calls
+// a reference of the position, or the acceleration of a motor.
+[[nodiscard]] OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns);
+// Adds references of a position, whose difference to it may be the drive.
+void offer_goals(const std::vector<const LogColumn*>& columns, OpenQuestion& question);
+// What drives, as the user says, and is a position's reference by its title.
+void note_reference(const LogColumn& drive, std::vector<std::string>& notes);
+// For messages: " (constant here: 'a', 'b')", or nothing; and what accelerations are worth.
+[[nodiscard]] std::string still_columns(const std::vector<const LogColumn*>& columns);
+[[nodiscard]] std::string words_of_accelerations(const std::vector<const LogColumn*>& columns);
 
 // "'a', 'b' or 'c'".
 [[nodiscard]] std::string names_of(const std::vector<const LogColumn*>& columns);

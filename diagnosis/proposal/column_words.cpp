@@ -143,6 +143,12 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"spannung", LogQuantity::kVoltage},
     {"voltaje", LogQuantity::kVoltage},
     {"tensione", LogQuantity::kVoltage},
+    {"volts", LogQuantity::kVoltage},
+    {"vin", LogQuantity::kVoltage},
+    {"vout", LogQuantity::kVoltage},
+    {"vmot", LogQuantity::kVoltage},
+    {"vmotor", LogQuantity::kVoltage},
+    {"uin", LogQuantity::kVoltage},
     {"iq", LogQuantity::kCurrent},
     {"current", LogQuantity::kCurrent},
     {"currents", LogQuantity::kCurrent},
@@ -157,6 +163,7 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"throttle", LogQuantity::kCommand},
     {"input", LogQuantity::kCommand},
     {"control", LogQuantity::kCommand},
+    {"dutycycle", LogQuantity::kCommand},
 });
 
 // Letters that people use; another signal may be meant.
@@ -273,6 +280,21 @@ Words without_compounds(const Words& words) {
     parts.push_back(word.substr(first->size()));
   }
   return parts;
+}
+
+// "v_in", "V out": a voltage's letter and where it is.
+Words with_voltages_joined(const Words& words) {
+  static constexpr auto kPlaces = std::to_array<Word>({"in", "out", "mot", "motor"});
+  Words joined;
+  for (const std::string& word : words) {
+    const bool is_place = std::ranges::find(kPlaces, word) != kPlaces.end();
+    if (is_place && !joined.empty() && joined.back() == "v") {
+      joined.back() += word;
+    } else {
+      joined.push_back(word);
+    }
+  }
+  return joined;
 }
 
 // Takes the number in brackets behind an array's name, and the unit in brackets.
@@ -436,6 +458,14 @@ LogQuantity quantity_of_unit(std::string_view unit) {
   return base == "degC" || base == "K" ? LogQuantity::kOther : LogQuantity::kUnknown;
 }
 
+WrittenUnit unit_of_quantity(std::string_view text, LogQuantity quantity) {
+  const WrittenUnit written = written_unit(text);
+  const bool is_hertz = trimmed(text) == "Hz" || trimmed(text) == "hz";
+  return written.unit.empty() && is_hertz && quantity == LogQuantity::kVelocity
+             ? WrittenUnit{"turn/s", 1.0}
+             : written;
+}
+
 MotionKind motion_of_unit(std::string_view unit) {
   const Unit* known = find_unit(unit);
   const std::string_view base = known == nullptr ? unit : known->base;
@@ -495,10 +525,15 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
   Words words = in_lower_case(written);
   take_unit_words(words, result);
   const std::string last = words.empty() ? "" : written[words.size() - 1];
-  words = without_compounds(words);
+  words = with_voltages_joined(without_compounds(words));
   read_quantity(words, result);
   if (result.unit.empty() && result.odd_unit.empty() && words.size() > 1) {
     result.unit = unit_letter(last, result);
+  }
+  if (const WrittenUnit hertz = unit_of_quantity(result.odd_unit, result.quantity);
+      result.unit.empty() && !hertz.unit.empty()) {
+    result.unit = hertz.unit;
+    result.odd_unit.clear();
   }
   let_unit_decide(words, result);
   read_manner(words, result);

@@ -61,6 +61,8 @@ struct ColumnWords {
 
 // What a unit is of; kUnknown for "1" and others that may be anything.
 [[nodiscard]] LogQuantity quantity_of_unit(std::string_view unit);
+// A unit as written, of that quantity: a speed in Hz is in turns a second.
+[[nodiscard]] WrittenUnit unit_of_quantity(std::string_view text, LogQuantity quantity);
 [[nodiscard]] MotionKind motion_of_unit(std::string_view unit);
 // Names of the units that a quantity can have, "N, kN, ..."; of all for kCommand and kUnknown.
 [[nodiscard]] std::string known_units_of(LogQuantity quantity);

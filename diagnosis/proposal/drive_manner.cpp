@@ -22,8 +22,10 @@ constexpr Eigen::Index kOver = 5;  // samples, of accelerations
 struct Extent {
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   double sum = 0.0, squares = 0.0, count = 0.0;
+  std::vector<double> ends = {};  // the first and the last of each recording
 
   void add(const Eigen::VectorXd& values) {
+    if (values.size() > 0) ends.insert(ends.end(), {values(0), values(values.size() - 1)});
     for (const double value : values) {
       if (!std::isfinite(value)) continue;
       lowest = std::min(lowest, value);
@@ -34,6 +36,12 @@ struct Extent {
     }
   }
   [[nodiscard]] bool has_one_sign() const { return lowest >= 0.0 || highest <= 0.0; }
+  // Off, or nearly, where a recording begins or ends: a step, as no supply makes.
+  [[nodiscard]] bool steps() const {
+    constexpr double kOff = 0.5;
+    const double largest = std::max(std::abs(lowest), std::abs(highest));
+    return std::ranges::any_of(ends, [&](double end) { return std::abs(end) < kOff * largest; });
+  }
   [[nodiscard]] double variation() const {
     const double mean = sum / std::max(count, 1.0);
     const double variance = squares / std::max(count, 1.0) - mean * mean;
@@ -97,7 +105,7 @@ DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecordi
     }
   }
   manner.variation = extent.variation();
-  manner.hardly_moves = extent.has_one_sign() && manner.variation < kHardly;
+  manner.hardly_moves = extent.has_one_sign() && !extent.steps() && manner.variation < kHardly;
   manner.has_one_sign = extent.has_one_sign() && both_ways;
   manner.lost_sign = manner.lost_sign && extent.has_one_sign();
   return manner;

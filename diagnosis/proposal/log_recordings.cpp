@@ -15,6 +15,7 @@
 
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "diagnosis/signal_faults/written_bursts.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/text_lines.hpp"
@@ -76,8 +77,11 @@ LogFile read_log(const std::filesystem::path& path) {
   for (RecordedColumn& column : file.columns) {
     if (length == 0 || column.values.size() != length) continue;
     const ColumnWords words = words_with_file(column, log.words);
-    log.columns.push_back(
-        {0, column.name, column.unit, words, words.unit_factor * column.values, false, ""});
+    LogColumn& added = log.columns.emplace_back();
+    added.name = column.name;
+    added.stated_unit = column.unit;
+    added.words = words;
+    added.values = words.unit_factor * column.values;
     log.columns.back().number = column.number;
     log.columns.back().file_name = path.filename().string();
     log.columns.back().origin = column.origin;
@@ -169,35 +173,124 @@ std::optional<int> place_in(const ColumnAnswer& answer, const std::string& name)
   return {};
 }
 
-void apply(const ColumnAnswer& answer, LogRecording& recording) {
-  bool found = false;
-  std::string names;
+// A title in two parts: "speed [turn/s]" is speed, in turn/s.
+std::pair<std::string, std::string> title_and_unit(const std::string& title) {
+  for (const auto& [open, close] : {std::pair{'[', ']'}, std::pair{'(', ')'}}) {
+    const std::size_t begin = title.rfind(open);
+    if (begin == std::string::npos || begin == 0 || !title.ends_with(close)) continue;
+    return {std::string(trimmed(std::string_view(title).substr(0, begin))),
+            title.substr(begin + 1, title.size() - begin - 2)};
+  }
+  return {title, ""};
+}
+
+// Whether two titles are one but for a unit that only one has, or that is spelled otherwise.
+bool are_one_title(const std::string& a, const LogColumn& column) {
+  const auto [name, unit] = title_and_unit(a);
+  auto [other_name, other_unit] = title_and_unit(column.name);
+  if (other_unit.empty()) other_unit = column.stated_unit;
+  return name == other_name &&
+         (unit.empty() || other_unit.empty() || is_same_unit(unit, other_unit));
+}
+
+// Columns that an answer means, with their place in its range or array. By their names; where there
+// is none of that name, by their titles without a unit.
+std::vector<std::pair<LogColumn*, int>> meant_columns(const ColumnAnswer& answer,
+                                                      LogRecording& recording) {
+  std::vector<std::pair<LogColumn*, int>> meant;
   for (LogColumn& column : recording.columns) {
-    names += (names.empty() ? "'" : ", '") + column.name + "'";
     std::optional<int> place = place_in(answer, column.name);
     if (!place && !column.number.empty()) place = place_in(answer, column.number);
     if (!place && is_whole_title(answer.names, column.name, column.stated_unit)) place = 0;
-    if (!place) continue;
-    found = true;
-    column.answered = true;
-    column.joint = answer.joint;
-    column.words.quantity = answer.quantity;
-    column.words.sure = true;
-    column.words.is_reference = false;
-    if (*place > 0) column.words.index = *place;
+    if (place) meant.emplace_back(&column, *place);
+  }
+  if (!meant.empty()) return meant;
+  for (LogColumn& column : recording.columns) {
+    if (are_one_title(answer.names, column)) meant.emplace_back(&column, 0);
+  }
+  const bool is_one = std::ranges::all_of(
+      meant, [&](const auto& each) { return each.first->name == meant.front().first->name; });
+  return is_one ? meant : std::vector<std::pair<LogColumn*, int>>{};
+}
+
+void apply(const ColumnAnswer& answer, LogRecording& recording) {
+  const std::vector<std::pair<LogColumn*, int>> meant = meant_columns(answer, recording);
+  for (const auto& [column, place] : meant) {
+    column->answered = true;
+    column->is_goal = answer.is_goal;
+    column->joint = answer.joint;
+    column->words.quantity = answer.quantity;
+    column->words.sure = true;
+    column->words.is_reference = answer.is_goal;
+    if (place > 0) column->words.index = place;
     if (!answer.unit.empty()) {
-      column.words.odd_unit.clear();
-      column.values *= answer.unit_factor / column.words.unit_factor;
-      column.words.unit_factor = answer.unit_factor;
-      column.words.unit = answer.unit;
-      column.words.motion = motion_of_unit(answer.unit);
+      column->words.odd_unit.clear();
+      column->values *= answer.unit_factor / column->words.unit_factor;
+      column->words.unit_factor = answer.unit_factor;
+      column->words.unit = answer.unit;
+      column->words.motion = motion_of_unit(answer.unit);
     }
   }
-  if (found) return;
+  if (!meant.empty()) return;
+  std::string names;
+  for (const LogColumn& column : recording.columns) {
+    names += (names.empty() ? "'" : ", '") + column.name + "'";
+  }
   constexpr std::size_t kMost = 400;
   if (names.size() > kMost) names = names.substr(0, kMost) + "...";
   throw InputError(fmt::format("--column {}=...: {} has no such column; there are {}", answer.names,
                                recording.files.front().string(), names));
+}
+
+// ---- rows that are no samples -------------------------------------------------------------------
+
+// What was measured: positions, or else velocities, or else all that is no time and moves.
+std::vector<Eigen::VectorXd> measured_in(const LogRecording& recording) {
+  for (const LogQuantity quantity :
+       {LogQuantity::kPosition, LogQuantity::kVelocity, LogQuantity::kUnknown}) {
+    std::vector<Eigen::VectorXd> values;
+    for (const LogColumn& column : recording.columns) {
+      if (column.words.quantity == quantity && column.moves()) values.push_back(column.values);
+    }
+    if (!values.empty()) return values;
+  }
+  return {};
+}
+
+// Rows without a time, and those that a logger wrote again, leave. Throws InputError where too few
+// are left.
+void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) {
+  const auto clock = std::ranges::find_if(recording.columns, [](const LogColumn& column) {
+    return column.words.quantity == LogQuantity::kTime && column.moves();
+  });
+  if (clock == recording.columns.end()) return;
+  const Eigen::VectorXd times = clock->values;
+  const auto missing = static_cast<Eigen::Index>(times.array().isNaN().count());
+  if (const auto bursts = find_bursts(times, measured_in(recording))) {
+    recording.burst = bursts->within;
+  }
+  std::vector<Eigen::Index> rows = rows_of_samples(times, recording.burst);
+  const auto all = times.size(), kept = static_cast<Eigen::Index>(rows.size());
+  if (kept == all) return;
+  const std::string file = recording.files[clock->file].string();
+  std::string why = missing > 0 ? fmt::format("{} rows without a time are left out", missing) : "";
+  if (recording.burst >= 0.0) {
+    why += fmt::format("{}{} of {} rows are samples: the others repeat them {}",
+                       why.empty() ? "" : "; ", kept, all,
+                       recording.burst > 0.0
+                           ? fmt::format("within {:.3g} of '{}'", recording.burst, clock->name)
+                           : fmt::format("at the same '{}'", clock->name));
+  }
+  if (kept < kFewestSamples) {
+    throw InputError(fmt::format("{}: {}; a recording needs {} samples at least: give a longer log",
+                                 file, why, kFewestSamples));
+  }
+  for (LogColumn& column : recording.columns) column.values = column.values(rows).eval();
+  recording.rows = std::move(rows);
+  if (remarks != nullptr) {
+    remarks->push_back(
+        fmt::format("{}: {}", recording.files[clock->file].filename().string(), why));
+  }
 }
 
 // Rows behind which the clock begins anew: it falls by many steps. Empty where it rises all the
@@ -231,7 +324,10 @@ const LogColumn* restarting_clock(const LogRecording& recording) {
 LogRecording part_of(const LogRecording& whole, Eigen::Index first, Eigen::Index last) {
   LogRecording part = whole;
   part.is_part = true;
-  part.first_row = first;
+  part.first_row = whole.file_row(first);
+  if (!whole.rows.empty()) {
+    part.rows.assign(whole.rows.begin() + first, whole.rows.begin() + last + 1);
+  }
   for (LogColumn& column : part.columns) {
     column.values = column.values.segment(first, last - first + 1).eval();
   }
@@ -283,8 +379,8 @@ void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::s
     if (remarks != nullptr) {
       std::string rows;
       for (const LogRecording& part : parts) {
-        rows += fmt::format("{}{} to {}", rows.empty() ? "" : ", ", part.first_row + 1,
-                            part.first_row + part.samples());
+        rows += fmt::format("{}{} to {}", rows.empty() ? "" : ", ", part.file_row(0) + 1,
+                            part.file_row(part.samples() - 1) + 1);
       }
       remarks->push_back(fmt::format(
           "{}: '{}' begins anew within the file: {} recordings{}, rows {}",
@@ -413,6 +509,29 @@ std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
   return logs;
 }
 
+// As --column has it; kUnknown for what is none.
+LogQuantity quantity_named(const std::string& word) {
+  constexpr std::array<std::pair<const char*, LogQuantity>, 13> kNames{{
+      {"time", LogQuantity::kTime},
+      {"position", LogQuantity::kPosition},
+      {"velocity", LogQuantity::kVelocity},
+      {"acceleration", LogQuantity::kAcceleration},
+      {"force", LogQuantity::kForce},
+      {"torque", LogQuantity::kForce},
+      {"effort", LogQuantity::kForce},
+      {"current", LogQuantity::kCurrent},
+      {"voltage", LogQuantity::kVoltage},
+      {"command", LogQuantity::kCommand},
+      {"ignore", LogQuantity::kOther},
+      {"reference", LogQuantity::kOther},
+      {"goal", LogQuantity::kPosition},
+  }};
+  for (const auto& [name, quantity] : kNames) {
+    if (word == name) return quantity;
+  }
+  return LogQuantity::kUnknown;
+}
+
 }  // namespace
 
 bool LogColumn::moves() const {
@@ -439,7 +558,7 @@ bool LogColumn::has_gaps() const { return !values.allFinite(); }
 std::string LogRecording::label() const {
   const std::string name = files.front().filename().string();
   if (!is_part) return name;
-  return fmt::format("{}, rows {} to {}", name, first_row + 1, first_row + samples());
+  return fmt::format("{}, rows {} to {}", name, file_row(0) + 1, file_row(samples() - 1) + 1);
 }
 
 const LogColumn& LogRecording::at(std::size_t file, const std::string& name) const {
@@ -453,26 +572,13 @@ const LogColumn& LogRecording::at(std::size_t file, const std::string& name) con
 }
 
 ColumnAnswer column_answer(const std::string& text) {
-  constexpr std::array<std::pair<const char*, LogQuantity>, 12> kNames{{
-      {"time", LogQuantity::kTime},
-      {"position", LogQuantity::kPosition},
-      {"velocity", LogQuantity::kVelocity},
-      {"acceleration", LogQuantity::kAcceleration},
-      {"force", LogQuantity::kForce},
-      {"torque", LogQuantity::kForce},
-      {"effort", LogQuantity::kForce},
-      {"current", LogQuantity::kCurrent},
-      {"voltage", LogQuantity::kVoltage},
-      {"command", LogQuantity::kCommand},
-      {"ignore", LogQuantity::kOther},
-      {"reference", LogQuantity::kOther},
-  }};
   const std::size_t equals = text.rfind('=');
   if (equals == std::string::npos || equals == 0) {
     throw InputError(
         fmt::format("--column {}: write NAME=QUANTITY, as in 'enc=position:deg'", text));
   }
-  ColumnAnswer answer{text.substr(0, equals), LogQuantity::kUnknown, "", ""};
+  ColumnAnswer answer;
+  answer.names = text.substr(0, equals);
   std::string rest = text.substr(equals + 1);
   if (const std::size_t at = rest.find('@'); at != std::string::npos) {
     answer.joint = rest.substr(at + 1);
@@ -481,7 +587,8 @@ ColumnAnswer column_answer(const std::string& text) {
   if (const std::size_t colon = rest.find(':'); colon != std::string::npos) {
     const std::string_view text_of_unit = trimmed(std::string_view(rest).substr(colon + 1));
     const bool is_reversed = text_of_unit.starts_with('-') && text_of_unit.size() > 1;
-    const WrittenUnit written = written_unit(text_of_unit.substr(is_reversed ? 1 : 0));
+    const WrittenUnit written = unit_of_quantity(text_of_unit.substr(is_reversed ? 1 : 0),
+                                                 quantity_named(rest.substr(0, colon)));
     answer.unit = written.unit;
     answer.unit_factor = is_reversed ? -written.factor : written.factor;
     if (answer.unit.empty()) {
@@ -490,13 +597,12 @@ ColumnAnswer column_answer(const std::string& text) {
     }
     rest.resize(colon);
   }
-  for (const auto& [name, quantity] : kNames) {
-    if (rest == name) answer.quantity = quantity;
-  }
+  answer.quantity = quantity_named(rest);
+  answer.is_goal = rest == "goal";
   if (answer.quantity == LogQuantity::kUnknown) {
     throw InputError(
         fmt::format("--column {}: unknown quantity '{}'; choose time, position, velocity, "
-                    "acceleration, force, torque, current, voltage, command or ignore",
+                    "acceleration, force, torque, current, voltage, command, goal or ignore",
                     text, rest));
   }
   const LogQuantity of_unit = quantity_of_unit(answer.unit);
@@ -523,6 +629,7 @@ std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& fi
   for (std::vector<LogFile>& group : groups) recordings.push_back(joined_files(std::move(group)));
   for (LogRecording& recording : recordings) {
     for (const ColumnAnswer& answer : answers) apply(answer, recording);
+    leave_out_rows(recording, remarks);
   }
   split_at_restarts(recordings, remarks);
   mark_differences(recordings);

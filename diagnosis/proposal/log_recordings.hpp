@@ -34,6 +34,7 @@ struct LogColumn {
   std::string number = {};            // "3", which names it, too, where names stood in a comment
   std::string file_name = {};         // for messages
   std::string origin = {};            // of a time that was not read as a number
+  bool is_goal = false;               // of a servo: said by the user
 
   [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
@@ -48,10 +49,18 @@ struct LogRecording {
   // A part of its files, from that row on (0: the first), where their clock begins anew.
   bool is_part = false;
   Eigen::Index first_row = 0;
+  // Rows that are samples, of those of the files, where others are left out: without a time, or
+  // written again within a burst (written_bursts.hpp). Empty: all are.
+  std::vector<Eigen::Index> rows = {};
+  double burst = -1.0;  // of the time column's unit; below 0: there are no bursts
 
   // "log.csv", or "log.csv, rows 501 to 900".
   [[nodiscard]] std::string label() const;
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
+  // Of a sample, in the files.
+  [[nodiscard]] Eigen::Index file_row(Eigen::Index sample) const {
+    return rows.empty() ? first_row + sample : rows[static_cast<std::size_t>(sample)];
+  }
   // The column of that name in that file. Throws InputError naming the file where it is missing.
   [[nodiscard]] const LogColumn& at(std::size_t file, const std::string& name) const;
 };
@@ -59,13 +68,15 @@ struct LogRecording {
 // What the user says of columns: NAME=QUANTITY[:UNIT][@JOINT], as in "enc=position:deg" or
 // "u1=torque@joint_1". NAME is a column, an array without its [k], a range "2..7" of a file without
 // header, or a pattern with * and ?. QUANTITY: time, position, velocity, acceleration, force or
-// torque, current, voltage, command, ignore.
+// torque, current, voltage, command, goal, ignore. A goal is the reference of a position servo,
+// whose drive is then the difference to the position. NAME may have its unit in brackets, or not.
 struct ColumnAnswer {
   std::string names;
   LogQuantity quantity = LogQuantity::kUnknown;
   std::string unit;
   std::string joint = {};
   double unit_factor = 1.0;  // of "0.1 deg"; -1 of "-deg", a sensor that counts the other way
+  bool is_goal = false;
 };
 // Throws InputError for a text that is none.
 [[nodiscard]] ColumnAnswer column_answer(const std::string& text);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/proposal/column_rates.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
@@ -46,6 +47,37 @@ bool has_regular_steps(const Eigen::VectorXd& values) {
   return 100 * off < values.size();
 }
 
+// By its title: of what length is not said.
+bool counts_ticks(const std::string& title) {
+  const std::vector<std::string> words = words_of(title);
+  return std::ranges::any_of(words, [](const std::string& word) {
+    return word == "timestep" || word == "timesteps" || word == "tick" || word == "ticks" ||
+           word == "cycle" || word == "cycles";
+  });
+}
+
+// Rows in the message are those of the file, from 1.
+[[noreturn]] void refuse_times(const LogRecording& recording, const LogColumn& column) {
+  const std::string file = recording.files[column.file].string();
+  const Eigen::VectorXd& times = column.values;
+  const Eigen::Index row = recording.file_row(first_fall(times)) + 1;
+  if (!stands_still(times)) {
+    throw InputError(fmt::format(
+        "{}: column '{}': times must rise, and after row {} they don't. Where another run begins "
+        "there, cut the file in two behind that row and give both; else say --column '{}=ignore' "
+        "and --sample-time",
+        file, column.name, row, column.name));
+  }
+  const double mean = (times(times.size() - 1) - times(0)) / static_cast<double>(times.size() - 1);
+  const Unit* unit = find_unit(column.words.unit);
+  const std::string seconds = unit == nullptr ? "S" : fmt::format("{:.3g}", mean * unit->factor);
+  throw InputError(fmt::format(
+      "{}: column '{}': times must rise, and behind row {} they stand still, while the rows go on: "
+      "the stamps are too coarse. Where the rows are even, say --column '{}=ignore' --sample-time "
+      "{}; they are {:.4g} of its unit apart in the mean",
+      file, column.name, row, column.name, seconds, mean));
+}
+
 const LogColumn* time_column(const LogRecording& recording) {
   const LogColumn* falls = nullptr;
   for (const LogColumn& column : recording.columns) {
@@ -53,25 +85,11 @@ const LogColumn* time_column(const LogRecording& recording) {
     if (first_fall(column.values) < 0) return &column;
     if (falls == nullptr && column.moves()) falls = &column;
   }
-  if (falls != nullptr && stands_still(falls->values)) {
-    throw InputError(fmt::format(
-        "{}: column '{}': times must rise, and behind row {} they stand still: the stamps are too "
-        "coarse; say --column '{}=ignore' and --sample-time",
-        recording.files[falls->file].string(), falls->name,
-        recording.first_row + first_fall(falls->values) + 1, falls->name));
-  }
-  if (falls != nullptr) {
-    throw InputError(fmt::format(
-        "{}: column '{}': times must rise, and after row {} they don't. Where another run begins "
-        "there, cut the file in two behind that row and give both; else say --column '{}=ignore' "
-        "and --sample-time",
-        recording.files[falls->file].string(), falls->name, first_fall(falls->values) + 1,
-        falls->name));
-  }
+  if (falls != nullptr) refuse_times(recording, *falls);
   const LogColumn& first = recording.columns.front();
   const bool is_first = first.words.quantity == LogQuantity::kUnknown &&
-                        first_fall(first.values) < 0 && !counts_samples(first.values) &&
-                        has_regular_steps(first.values);
+                        !counts_ticks(first.name) && first_fall(first.values) < 0 &&
+                        !counts_samples(first.values) && has_regular_steps(first.values);
   return is_first ? &first : nullptr;
 }
 
@@ -188,23 +206,23 @@ LogTime time_without_column(const LogRecording& recording, std::optional<double>
   return time;
 }
 
+bool is_even(const TimeAxis& axis) {
+  constexpr double kUsable = 0.09;  // of a step
+  return axis.kind == TimeAxis::Kind::kEven ||
+         (axis.kind == TimeAxis::Kind::kJittered && axis.jitter < kUsable);
+}
+
 // By the stamps of a column alone.
 LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
   LogTime time;
   time.column = column.name;
   time.file = column.file;
   time.file_name = column.file_name;
-  if (column.words.unit_factor != 1.0) {
-    throw InputError(
-        fmt::format("{}: column '{}': a time in {:g} {} can't be read; say --column '{}=ignore' "
-                    "and --sample-time",
-                    recording.files[column.file].string(), column.name, column.words.unit_factor,
-                    column.words.unit, column.name));
-  }
+  time.factor = column.words.unit_factor;
   const TimeAxis axis = examine_times(column.values);
   time.median_step = axis.step;
-  time.is_even = axis.kind == TimeAxis::Kind::kEven ||
-                 (axis.kind == TimeAxis::Kind::kJittered && axis.jitter < 0.09);
+  time.burst = recording.burst;
+  time.is_even = recording.rows.empty() && is_even(axis);
   find_unit_of_time(recording, column, time);
   if (time.is_even) {
     const auto steps = static_cast<double>(column.values.size() - 1);
@@ -219,6 +237,35 @@ LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
 }
 
 }  // namespace
+
+const LogColumn* ticking_column(const LogRecording& recording) {
+  for (const LogColumn& column : recording.columns) {
+    const bool may_be = column.words.quantity == LogQuantity::kUnknown && !column.answered &&
+                        column.values.size() > 2 && !column.counts_rows();
+    if (!may_be) continue;
+    std::vector<double> known;  // rows without a number are no ticks
+    for (const double value : column.values) {
+      if (std::isfinite(value)) known.push_back(value);
+    }
+    const Eigen::VectorXd ticks =
+        Eigen::Map<const Eigen::VectorXd>(known.data(), static_cast<Eigen::Index>(known.size()));
+    if (ticks.size() > 2 && first_fall(ticks) < 0 && has_regular_steps(ticks)) return &column;
+  }
+  return nullptr;
+}
+
+std::pair<double, double> steps_between_rows(const LogColumn& column) {
+  constexpr double kFew = 0.01;
+  std::vector<double> steps;
+  for (Eigen::Index k = 1; k < column.values.size(); ++k) {
+    const double step = column.values(k) - column.values(k - 1);
+    if (std::isfinite(step)) steps.push_back(step);
+  }
+  if (steps.empty()) return {0.0, 0.0};
+  const Eigen::VectorXd all =
+      Eigen::Map<const Eigen::VectorXd>(steps.data(), static_cast<Eigen::Index>(steps.size()));
+  return {quantile(all, kFew), quantile(all, 1.0 - kFew)};
+}
 
 LogTime find_time(const LogRecording& recording, std::optional<double> stated) {
   const LogColumn* column = time_column(recording);

@@ -11,6 +11,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "diagnosis/proposal/log_recordings.hpp"
 
@@ -23,7 +24,9 @@ struct LogTime {
   std::string odd_unit = {};                // that its title states and that is none of a time
   std::string file_name = {};               // of the column
   std::string why;                          // of the unit
-  double median_step = 1.0;                 // recorded unit; samples where there is no column
+  double factor = 1.0;                      // of that unit that one recorded number is
+  double median_step = 1.0;                 // of that unit; samples where there is no column
+  double burst = -1.0;                      // LogRecording::burst, of that unit
   bool is_even = true;                      // within a tenth of a step
   double sample_time = 0.0;                 // s; 0: open
   std::string of_step = "the median step";  // what the sample time of uneven times is
@@ -36,10 +39,15 @@ struct LogTime {
   [[nodiscard]] std::string question() const;
 };
 
+// A column that nobody knows and that rises by other steps from row to row, as ticks of a clock do;
+// null where there is none.
+[[nodiscard]] const LogColumn* ticking_column(const LogRecording& recording);
+// The smallest and the largest step of a column from row to row, but for one in a hundred each.
+[[nodiscard]] std::pair<double, double> steps_between_rows(const LogColumn& column);
+
 // `stated`: s, what the user says; it stands in for a missing column, and for the unit of one whose
-// title has none. Throws InputError for a time
-// that is named and doesn't rise, for one whose steps are not what was stated, and for one whose
-// unit has a factor, which a campaign can't have.
+// title has none. Throws InputError for a time that is named and doesn't rise, and for one whose
+// steps are not what was stated.
 [[nodiscard]] LogTime find_time(const LogRecording& recording, std::optional<double> stated);
 
 // A sample time with as few digits as its times allow: 0.00200003 is 0.002.

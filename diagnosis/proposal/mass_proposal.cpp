@@ -31,6 +31,48 @@ struct SpringStart {
   std::string reason;
 };
 
+// Ticks of a clock that were not taken for the time.
+void doubt_even_rows(const LogRecording& log, double sample_time, ModelProposal& proposal) {
+  const LogColumn* ticks = ticking_column(log);
+  if (ticks == nullptr) return;
+  const auto [fewest, most] = steps_between_rows(*ticks);
+  const std::string option =
+      fmt::format("--column '{}=time:UNIT', with a factor as in 'time:0.125 ms'", ticks->name);
+  if (!(sample_time > 0.0)) {
+    proposal.questions.back().text +=
+        fmt::format(" '{}' rises by {:g} to {:g} a row.", ticks->name, fewest, most);
+    proposal.questions.back().option += ", or if that is the time " + option;
+    return;
+  }
+  constexpr double kEven = 1.1;
+  if (most <= kEven * fewest) return;
+  proposal.notes.push_back(
+      fmt::format("'{}' rises by {:g} to {:g} a row: if it is the time, the rows are not even, and "
+                  "--sample-time is wrong; say {} in its place",
+                  ticks->name, fewest, most, option));
+}
+
+// Rows so rare that most samples would be interpolated between them.
+void note_sparse_rows(const CampaignDraft& draft, const LogRecording& log,
+                      std::vector<std::string>& notes) {
+  const LogTime& time = draft.time;
+  if (time.is_even || time.column.empty() || !(time.sample_time > 0.0)) return;
+  constexpr double kMeasured = 0.5;  // of the samples
+  const Eigen::VectorXd stamps = time.seconds() * log.at(time.file, time.column).values;
+  for (const DraftExperiment& each : draft.experiments) {
+    if (each.recording != 0 || each.last <= each.first) continue;
+    const auto rows = static_cast<double>((each.last - each.first) / time.every + 1);
+    const double samples = 1.0 + (stamps(each.last) - stamps(each.first)) / time.sample_time;
+    if (rows >= kMeasured * samples) continue;
+    notes.push_back(fmt::format(
+        "{} has {:.0f} rows for {:.0f} samples of {:g} s: {:.0f} % of them would be interpolated "
+        "between rows, and prove nothing; record at even times, or cut such rows out in "
+        "campaign.yaml (segments)",
+        each.is_validation ? "what is kept out" : "what is fitted", rows, samples, time.sample_time,
+        100.0 * (1.0 - rows / samples)));
+  }
+}
+
 class MassProposal {
  public:
   MassProposal(const ProposalRequest& request, const std::vector<LogRecording>& recordings)
@@ -45,6 +87,7 @@ class MassProposal {
     choose_the_drive();
     choose_motions();
     if (!draft_.time.is_even) draft_.hold = "first";
+    hold_as_measured();
     take_held_values();
     note_held_drive();
     even_ = EvenSamples(log_, draft_.time);
@@ -60,6 +103,13 @@ class MassProposal {
     proposal_.guesses.push_back({subject, value, reason});
   }
 
+  // Once: both sides of a drive may have the same column.
+  void ask(const OpenQuestion& question) {
+    const bool is_asked = std::ranges::any_of(
+        proposal_.questions, [&](const OpenQuestion& each) { return each.text == question.text; });
+    if (!is_asked) proposal_.questions.push_back(question);
+  }
+
   // ---- columns ---------------------------------------------------------------------------------
 
   void find_times() {
@@ -70,6 +120,7 @@ class MassProposal {
     }
     const AnswerChoice counts{"it numbers samples", {fmt::format("{}=ignore", draft_.time.column)}};
     propose_time(draft_.time, {counts}, proposal_);
+    if (draft_.time.column.empty()) doubt_even_rows(log_, draft_.time.sample_time, proposal_);
   }
 
   // Columns that move and of which no one knows what they are.
@@ -88,36 +139,23 @@ class MassProposal {
     });
   }
 
-  // Columns that do not move, for a message.
-  [[nodiscard]] std::string still_columns() const {
-    std::string names;
-    for (const LogColumn* column : columns_) {
-      if (column->moves()) continue;
-      names += fmt::format("{}'{}'", names.empty() ? "" : ", ", column->name);
-    }
-    return names.empty() ? names : fmt::format(" (constant here: {})", names);
-  }
-
-  [[nodiscard]] std::string words_of_accelerations() const {
-    const bool has_any = std::ranges::any_of(columns_, [](const LogColumn* column) {
-      return column->words.quantity == LogQuantity::kAcceleration && column->moves();
-    });
-    return has_any ? "; accelerations alone are not proposed: write the model by hand, with "
-                     "'quantity: acceleration' at its output"
-                   : "";
-  }
-
   void choose_the_drive() {
+    drive_ = likely_drive_ = goal_among(columns_);
+    if (drive_ != nullptr) return take_goal();
+    if (request_.no_drive) {
+      guess("drive", "nothing", "you said so: no force acts in these logs");
+      return;
+    }
     ColumnChoice choice = choose_drive(columns_, recordings_);
+    const bool has_motion = !moving_columns(columns_, LogQuantity::kPosition).empty() ||
+                            !moving_columns(columns_, LogQuantity::kVelocity).empty();
     if (choice.column == nullptr && choice.rivals.empty()) {
-      if (open_.empty()) {
+      if (open_.empty() && !has_motion) {
         throw InputError(
             fmt::format("{}: no column is a force, torque, current, voltage or command that moves; "
                         "say which by --column NAME=torque{}",
-                        log_.files.front().string(), still_columns()));
+                        log_.files.front().string(), still_columns(columns_)));
       }
-      const bool has_motion = !moving_columns(columns_, LogQuantity::kPosition).empty() ||
-                              !moving_columns(columns_, LogQuantity::kVelocity).empty();
       if (open_.size() == 1 && has_motion) {
         choice = {open_.front(), "guessed: the only column left", {}};
         open_.clear();
@@ -126,58 +164,34 @@ class MassProposal {
       }
     }
     if (choice.column == nullptr) {
-      proposal_.questions.push_back(choice.doubt.empty() ? question_of_drives(choice.rivals)
-                                                         : question_of_doubt(choice));
-      likely_drive_ = choice.rivals.front();
+      proposal_.questions.push_back(choice.rivals.empty() ? question_of_no_drive(columns_)
+                                    : choice.doubt.empty()
+                                        ? question_of_drives(choice.rivals, motion_of_drive())
+                                        : question_of_doubt(choice, open_));
+      if (has_motion && !choice.rivals.empty()) offer_goals(columns_, proposal_.questions.back());
+      likely_drive_ = choice.rivals.empty() ? nullptr : choice.rivals.front();
       return;
     }
     drive_ = likely_drive_ = choice.column;
     guess("drive", fmt::format("'{}'", drive_->name), choice.reason);
     if (!choice.doubt.empty()) proposal_.notes.push_back(choice.doubt);
+    note_reference(*drive_, proposal_.notes);
     if (!drive_->words.odd_unit.empty()) ask_unit_of_drive();
     find_wrap_of_drive();
   }
 
-  static std::string answer_of(const LogColumn& column) {
-    const bool is_known = drives(column.words.quantity);
-    return fmt::format("{}={}", column.name, is_known ? name_of(column.words.quantity) : "command");
-  }
+  [[nodiscard]] bool has_goal() const { return drive_ != nullptr && drive_->is_goal; }
 
-  [[nodiscard]] OpenQuestion question_of_drives(const Columns& rivals) const {
-    OpenQuestion question = which_of(rivals, "force, torque, current or command that drives");
-    for (std::size_t k = 0; k < rivals.size(); ++k) {
-      question.choices[k].columns = {answer_of(*rivals[k])};
-    }
-    const bool all_known = std::ranges::all_of(
-        rivals, [](const LogColumn* rival) { return drives(rival->words.quantity); });
-    question.option = fmt::format("--column '{}={}', say", rivals.front()->name,
-                                  motion_of_drive() == MotionKind::kLinear ? "force" : "torque");
-    constexpr std::size_t kFew = 3;
-    if (!all_known || rivals.size() > kFew) return question;
-    question.option.clear();
-    for (const LogColumn* rival : rivals) {
-      question.option +=
-          fmt::format("{}--column '{}'", question.option.empty() ? "" : " or ", answer_of(*rival));
-    }
-    return question;
-  }
-
-  // The only column that may be the drive, and hardly is; others whose titles say nothing may be.
-  [[nodiscard]] OpenQuestion question_of_doubt(const ColumnChoice& choice) const {
-    const LogColumn& column = *choice.rivals.front();
-    const std::string other = open_.empty() ? "OTHER" : open_.front()->name;
-    OpenQuestion question;
-    question.text = fmt::format("Is '{}' the drive? It {}.", column.name, choice.doubt);
-    question.option =
-        fmt::format("--column '{}' if it is; else --column '{}=ignore' --column '{}=torque'{}",
-                    answer_of(column), column.name, other, open_.empty() ? "" : ", say");
-    question.choices = {{"it is the drive", {answer_of(column)}}};
-    for (const LogColumn* each : open_) {
-      question.choices.push_back(
-          {fmt::format("'{}' is", each->name), {answer_of(*each), column.name + "=ignore"}});
-    }
-    question.choices.push_back({"it is not", {column.name + "=ignore"}});
-    return question;
+  // The drive of a position servo: the difference of its goal and the position.
+  void take_goal() {
+    motion_ = motion_of_drive();  // for the words of the note
+    guess("drive", fmt::format("'{}' - position", drive_->name),
+          "you said so: the goal of a servo");
+    proposal_.notes.push_back(fmt::format(
+        "'{}' is a reference: the servo drives by what is left to it, taken as 1 {} for each {} of "
+        "goal - position (--gain states another). All sizes are relative to this gain of the "
+        "servo's, and a stiffness that is found is a part of it",
+        drive_->name, force_unit(), is_linear() ? "m" : "rad"));
   }
 
   // A drive but a force or torque may be in a unit of its own: its gain is not known either.
@@ -279,7 +293,7 @@ class MassProposal {
   void take_motion(MotionChoice choice, const std::string& side) {
     const std::string what =
         (side.empty() ? "" : side + " ") + (choice.is_velocity ? "velocity" : "position");
-    for (const OpenQuestion& question : choice.questions) proposal_.questions.push_back(question);
+    for (const OpenQuestion& question : choice.questions) ask(question);
     for (const std::string& note : choice.notes) proposal_.notes.push_back(note);
     if (choice.column == nullptr) {
       ask_for_motion(what);
@@ -324,13 +338,13 @@ class MassProposal {
     if (left.empty()) {
       throw InputError(fmt::format(
           "{}: no column is a {} or velocity that moves; say which by --column NAME=position{}",
-          log_.files.front().string(), what, words_of_accelerations()));
+          log_.files.front().string(), what, words_of_accelerations(columns_)));
     }
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
     question.option = fmt::format("--column '{}=position:{}', say", left.front()->name,
                                   is_linear() ? "m" : "rad");
     for (AnswerChoice& each : question.choices) each.columns = {each.label + "=position"};
-    proposal_.questions.push_back(question);
+    ask(question);
   }
 
   // Both sides of a drive.
@@ -378,6 +392,17 @@ class MassProposal {
     guess("driven mass", fmt::format("'{}'", motor.front()->name),
           fmt::format("its acceleration follows the drive: correlation {:.2f}, of the other {:.2f}",
                       std::max(first, second), std::min(first, second)));
+  }
+
+  // A command is held between samples; what was measured goes on between them.
+  void hold_as_measured() {
+    const bool is_measured = drive_ != nullptr && drive_->words.is_measured &&
+                             !drive_->words.is_reference &&
+                             drive_->words.quantity != LogQuantity::kCommand;
+    if (!is_measured && !has_goal()) return;
+    draft_.hold = "first";
+    draft_.hold_reason =
+        has_goal() ? "the difference goes on between samples" : "the drive was measured";
   }
 
   // ---- values that are held ---------------------------------------------------------------------
@@ -447,7 +472,40 @@ class MassProposal {
     return sides_[k].empty() ? name : sides_[k] + "_" + name;
   }
 
+  void add_no_drive() {
+    force_factor_ = 0.0;
+    draft_.computed.push_back(
+        fmt::format("  - {{kind: constant, name: {}, value: 0, unit: {}, is: input}}  # no force "
+                    "acts\n",
+                    force_name(), force_unit()));
+  }
+
+  // Behind the motion, whose unit and gain the goal has where none is stated.
+  void add_goal_channel() {
+    const MotionChoice& motion = motions_.front();
+    const std::string position = motion_name(0);
+    if (motion.is_velocity) {
+      throw InputError(fmt::format(
+          "--column '{}=goal': the drive of a servo is goal - position, and no position is "
+          "recorded; say which by --column NAME=position",
+          drive_->name));
+    }
+    const bool is_stated = !drive_->words.unit.empty();
+    const Unit* unit = find_unit(is_stated ? drive_->words.unit : motion.unit);
+    goal_factor_ = is_stated ? unit->factor : motion.factor;
+    draft_.channels.push_back({"goal", drive_->file, drive_->name, std::string(unit->name),
+                               is_stated ? "" : motion.gain, "reference",
+                               is_stated ? "" : "in the unit of the position"});
+    const double gain = request_.gain.value_or(1.0);
+    draft_.computed.push_back(fmt::format(
+        "  - {{kind: sum, of: [goal, {}], weights: [{:g}, {:g}], unit: {}, name: {}, is: input}}\n",
+        position, gain, -gain, force_unit(), force_name()));
+    force_factor_ = gain;
+  }
+
   void add_drive_channel() {
+    if (request_.no_drive && drive_ == nullptr) return add_no_drive();
+    if (has_goal()) return;
     if (drive_ == nullptr) {
       draft_.channels.push_back({force_name(), 0, "ANSWER", "1", "", "input",
                                  "# ANSWER: which column drives the machine? " + option_of_last()});
@@ -508,6 +566,7 @@ class MassProposal {
       if (each.is_wrapped) draft_.wrapped.push_back({motion_name(k), each.wrap_period});
       decisive.push_back(each.column);
     }
+    if (has_goal() && !motions_.empty()) add_goal_channel();
     if (motions_.empty()) {
       draft_.channels.push_back({is_linear() ? "position" : "angle", 0, "ANSWER",
                                  is_linear() ? "m" : "rad", "", "output",
@@ -520,24 +579,32 @@ class MassProposal {
         draft_experiments(recordings_, decisive, !motions_.empty() && motions_.front().is_velocity,
                           raw_step_ > 0.0 ? raw_step_ : draft_.time.sample_time, request_.split);
     split_in_blocks();
-    note_sparse_rows();
+    note_sparse_rows(draft_, recordings_.front(), proposal_.notes);
     if (draft_.time.every > 1) {
       for (DraftExperiment& each : draft_.experiments) each.from = first_of_held(each);
     }
     guess_what_is_kept_out();
   }
 
+  // In each row; the sum of squares is what counts.
+  [[nodiscard]] Eigen::VectorXd driving() const {
+    if (drive_ == nullptr) return Eigen::VectorXd::Zero(log_.samples());
+    const Eigen::VectorXd values = without_gaps(drive_->values);
+    return !has_goal() ? values : goal_factor_ * values - motions_[0].values(log_);
+  }
+
   // Halves of which one has no drive or no motion check nothing: then alternating blocks.
   void split_in_blocks() {
     const bool has_halves =
         request_.split == SplitPlan::kMovingHalves || request_.split == SplitPlan::kWholeHalves;
-    const bool is_known = drive_ != nullptr && !motions_.empty() && motions_[0].column != nullptr;
+    const bool is_known = (drive_ != nullptr || request_.no_drive) && !motions_.empty() &&
+                          motions_[0].column != nullptr;
     if (!has_halves || !is_known || draft_.experiments.size() != 2 || recordings_.size() != 1) {
       return;
     }
     const Eigen::Index first = draft_.experiments.front().first,
                        count = draft_.experiments.back().last - first + 1;
-    const Eigen::VectorXd drive = without_gaps(drive_->values), moves = motions_[0].values(log_);
+    const Eigen::VectorXd drive = driving(), moves = motions_[0].values(log_);
     blocks_ = kept_out_blocks(drive.segment(first, count), moves.segment(first, count),
                               motions_[0].is_velocity);
     if (!blocks_.is_fair) {
@@ -550,27 +617,6 @@ class MassProposal {
       draft_.experiments.push_back({0, first + k * count / blocks_.count,
                                     first + (k + 1) * count / blocks_.count - 1, false,
                                     k % 2 == 1});
-    }
-  }
-
-  // Rows so rare that most samples would be interpolated between them.
-  void note_sparse_rows() {
-    const LogTime& time = draft_.time;
-    if (time.is_even || time.column.empty() || !(time.sample_time > 0.0)) return;
-    constexpr double kMeasured = 0.5;  // of the samples
-    const Eigen::VectorXd stamps =
-        time.seconds() * recordings_.front().at(time.file, time.column).values;
-    for (const DraftExperiment& each : draft_.experiments) {
-      if (each.recording != 0 || each.last <= each.first) continue;
-      const auto rows = static_cast<double>((each.last - each.first) / time.every + 1);
-      const double samples = 1.0 + (stamps(each.last) - stamps(each.first)) / time.sample_time;
-      if (rows >= kMeasured * samples) continue;
-      proposal_.notes.push_back(fmt::format(
-          "{} has {:.0f} rows for {:.0f} samples of {:g} s: {:.0f} % of them would be interpolated "
-          "between rows, and prove nothing; record at even times, or cut such rows out in "
-          "campaign.yaml (segments)",
-          each.is_validation ? "what is kept out" : "what is fitted", rows, samples,
-          time.sample_time, 100.0 * (1.0 - rows / samples)));
     }
   }
 
@@ -674,6 +720,7 @@ class MassProposal {
 
   // At even times.
   [[nodiscard]] Eigen::VectorXd force() const {
+    if (has_goal()) return force_factor_ * even_.of(driving());
     Eigen::VectorXd values = without_gaps(drive_->values);
     if (drive_period_ > 0.0) values = unwrapped(values, drive_period_);
     return force_factor_ * even_.of(values);
@@ -727,7 +774,7 @@ class MassProposal {
   // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
   std::string weight(const OneMassStart& start) {
     const bool is_needed = start.told == OneMassTold::kInertia &&
-                           (start.sine != 0.0 || start.cosine != 0.0) &&
+                           (start.sine != 0.0 || start.cosine != 0.0) && !has_goal() &&
                            manner_of_drive(*drive_, recordings_).has_one_sign;
     if (!is_needed) return "";
     const char* why = "the drive never changes its sign, and the axis comes back";
@@ -743,7 +790,8 @@ class MassProposal {
 
   std::string masses() {
     OneMassStart start;
-    std::string why = "guessed: open until the questions are answered";
+    std::string why = request_.no_drive ? "no force acts: all else is relative to it"
+                                        : "guessed: open until the questions are answered";
     if (can_compute()) {
       start = one_mass_start();
       switch (start.told) {
@@ -760,8 +808,10 @@ class MassProposal {
       }
     }
     const std::string damping_unit = is_linear() ? "N s/m" : "N m s/rad";
-    guess("mass", fmt::format("{:.3g} {}", start.inertia, inertia_unit()), why + "; it is fitted");
-    guess("damping", fmt::format("{:.3g} {}", start.damping, damping_unit), "the same");
+    guess("mass", fmt::format("{:.3g} {}", start.inertia, inertia_unit()),
+          why + (request_.no_drive ? "; it is held" : "; it is fitted"));
+    guess("damping", fmt::format("{:.3g} {}", start.damping, damping_unit),
+          request_.no_drive ? "guessed; it is fitted" : "the same");
     return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start.inertia),
                        inertia_unit(), why) +
            fmt::format(
@@ -855,6 +905,7 @@ class MassProposal {
   MotionKind motion_ = MotionKind::kRotary;
   Columns columns_, open_;  // without times; those of unknown quantity that move
   const LogColumn* drive_ = nullptr;
+  double goal_factor_ = 1.0;                 // of a goal that is the drive_, to the model's unit
   const LogColumn* likely_drive_ = nullptr;  // also where a question is open
   double force_factor_ = 1.0;
   std::vector<MotionChoice> motions_;

@@ -16,7 +16,8 @@ constexpr double kTurn = 2.0 * std::numbers::pi;
 constexpr double kRadiansOpen = 4.0 * std::numbers::pi;  // spans beyond may be degrees
 constexpr double kSpeedOpen = 300.0;                     // beyond it rpm are as likely as rad/s
 constexpr Eigen::Index kFewestCompared = 50;
-constexpr double kLate = 0.005;  // s; worth a note
+constexpr double kLate = 0.005;     // s; worth a note
+constexpr double kOneRatio = 0.06;  // of the misfit: a gear has one ratio at every speed
 
 double span_of(const LogColumn& column) {
   const Eigen::VectorXd values = without_gaps(column.values);
@@ -26,6 +27,14 @@ double span_of(const LogColumn& column) {
 bool holds_counts(const LogColumn& column) {
   if (!column.words.unit.empty() || column.has_gaps() || span_of(column) < 100.0) return false;
   return (column.values.array() == column.values.array().round()).all();
+}
+
+// In steps of a quarter or more, as an encoder's; no angle is read so coarsely over so many turns.
+bool looks_counted(const LogColumn& column) {
+  constexpr double kFar = 1000.0, kQuarters = 4.0;
+  if (column.words.unit_factor != 1.0 || span_of(column) < kFar) return false;
+  const Eigen::ArrayXd quarters = kQuarters * without_gaps(column.values).array();
+  return (quarters == quarters.round()).all();
 }
 
 std::string si_unit(bool is_velocity, MotionKind motion) {
@@ -100,15 +109,29 @@ class MotionUnitChoice {
                       velocity_->name, position_->name, 1.0 / ratio, 100.0 * fit_->misfit));
       return;
     }
+    if (both_stated && fit_->misfit > kOneRatio && is_near_one()) {
+      remarks_.push_back(
+          fmt::format("'{}' is the rate of '{}' only within {:.2g} %: a coarse speed",
+                      velocity_->name, position_->name, 100.0 * fit_->misfit));
+      return;
+    }
     if (both_stated) return ask_units();
     remarks_.push_back(fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units",
                                    position_->name, fit_->factor, velocity_->name));
   }
 
+  // Nearly the rate, but for what a speed of few counts a sample is wrong by.
+  [[nodiscard]] bool is_near_one() const {
+    constexpr double kNear = 1.5;
+    const double ratio = std::abs(fit_->factor) * find_unit(position_->words.unit)->factor /
+                         find_unit(velocity_->words.unit)->factor;
+    return ratio < kNear && ratio > 1.0 / kNear;
+  }
+
   // A constant ratio that no other units of the two explain.
   [[nodiscard]] bool is_gear() const {
-    constexpr double kSurely = 0.25;  // of the misfit
-    if (fit_->misfit > kSurely) return false;
+    constexpr double kSurely = 0.25;  // of the misfit, of ratios that no coarse speed makes
+    if (fit_->misfit > (is_near_one() ? kOneRatio : kSurely)) return false;
     return !units_by_rate(fit_->factor, "", velocity_->words.unit, motion()).is_found &&
            !units_by_rate(fit_->factor, position_->words.unit, "", motion()).is_found;
   }
@@ -185,6 +208,7 @@ class MotionUnitChoice {
     const std::string& stated = position_->words.unit;
     if (!stated.empty()) {
       take(position_, false, stated, position_->answered ? "you said so" : "stated");
+      doubt_angle();
       if (units_.is_found) choice_.unit_reason += ", and the velocity agrees";
     } else if (units_.is_found) {
       take(position_, false, units_.position, units_.why);
@@ -194,6 +218,26 @@ class MotionUnitChoice {
     } else {
       take(position_, false, si_unit(false, motion()), "guessed: no unit is stated");
     }
+  }
+
+  // Whole or quarter numbers over thousands of radians: counts of an encoder that are called rad.
+  void doubt_angle() {
+    if (position_->words.unit != "rad" || !looks_counted(*position_)) return;
+    const std::string what = fmt::format(
+        "'{}' goes in whole steps through {:.3g} rad, {:.3g} turns: are these counts of an encoder",
+        position_->name, span_of(*position_), span_of(*position_) / kTurn);
+    const std::string counts =
+        fmt::format("--column '{}=position:counts' --counts-per-turn N", position_->name);
+    if (position_->answered) {
+      choice_.notes.push_back(fmt::format("{}? Then say {}", what, counts));
+      return;
+    }
+    OpenQuestion question;
+    question.text = what + ", or radians?";
+    question.option = fmt::format("{}, or --column '{}=position:rad'", counts, position_->name);
+    question.choices = {{"counts", {position_->name + "=position:counts"}},
+                        {"rad", {position_->name + "=position:rad"}}};
+    choice_.questions.push_back(question);
   }
 
   void take_velocity() {

@@ -36,6 +36,7 @@ struct ProposalRequest {
   std::optional<double> counts_per_turn;
   std::optional<double> gain;         // N m or N that one of the drive's recorded unit is
   std::vector<std::string> reversed;  // columns of forces that count the other way
+  bool no_drive = false;              // nothing drives: a run-down or a free swing; not of robots
   MotionKind motion = MotionKind::kOpen;
   std::filesystem::path folder;                // where the files will stand
   std::string command;                         // for the files' first line
@@ -50,6 +51,7 @@ struct ProposedGuess {
 struct AnswerChoice {
   std::string label;
   std::vector<std::string> columns;
+  bool no_drive = false;  // it stands for --no-drive, too
 };
 
 struct OpenQuestion {

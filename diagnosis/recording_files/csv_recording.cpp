@@ -55,21 +55,14 @@ std::vector<RecordedColumn> header_columns(const std::string& path,
   return columns;
 }
 
-// Names in the comment above the numbers, "# t u v" or "% t, u"; none where they don't fit.
-std::vector<RecordedColumn> columns_in_comment(std::string_view comment, std::string_view first,
-                                               std::size_t count) {
+// The fields of a comment, without its sign; empty where they are not `count` different words.
+std::vector<std::string_view> titles_in_comment(std::string_view comment, std::string_view first,
+                                                std::size_t count) {
   comment = trimmed(comment.substr(std::min(comment.find_first_not_of("#% \t"), comment.size())));
   for (const std::string_view separated : {first, comment}) {
     FieldSplitter splitter(separated);  // may hold what the titles are parts of
     const std::vector<std::string_view> titles = splitter.split(comment);
-    std::vector<RecordedColumn> columns;
-    std::set<std::string> names;
-    for (const std::string_view title : titles) {
-      columns.push_back(titled(title));
-      columns.back().number = std::to_string(columns.size());
-      if (!columns.back().name.empty()) names.insert(columns.back().name);
-    }
-    if (names.size() == count && columns.size() == count && is_header(titles)) return columns;
+    if (titles.size() == count && is_header(titles)) return titles;
   }
   return {};
 }
@@ -117,7 +110,10 @@ std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
     if (has_brackets) field = trimmed(field.substr(1, field.size() - 2));
     if (field != "1" && parse_number(field, number)) return {};
     any = any || is_unit(field);
-    units.emplace_back(field == "-" || field == "1" ? std::string_view{} : field);
+    const bool is_none = std::ranges::none_of(field, [](unsigned char c) {  // "-", "#", "1"
+      return std::isalpha(c) != 0 || c == '%' || c > 127;
+    });
+    units.emplace_back(is_none ? std::string_view{} : field);
   }
   return any ? units : std::vector<std::string>{};
 }
@@ -149,6 +145,32 @@ void add_titles(const std::vector<std::string>& fields, RecordingFile& file) {
       column.name += " " + fields[k];
     }
   }
+}
+
+// Names in the comments above the numbers, "# t u v" or "% t, u", with the units that stand in a
+// comment above or below them; none where they don't fit.
+std::vector<RecordedColumn> columns_in_comments(std::string_view last, std::string_view before,
+                                                std::string_view first, std::size_t count) {
+  std::vector<std::string_view> titles = titles_in_comment(last, first, count);
+  const std::vector<std::string_view> others = titles_in_comment(before, first, count);
+  std::vector<std::string> units;
+  if (!titles.empty() && !others.empty()) {
+    units = units_in(titles);
+    if (!units.empty() && !are_more_titles(units)) {
+      titles = others;
+    } else if (units = units_in(others); are_more_titles(units)) {
+      units.clear();
+    }
+  }
+  std::vector<RecordedColumn> columns;
+  std::set<std::string> names;
+  for (std::size_t k = 0; k < titles.size(); ++k) {
+    columns.push_back(titled(titles[k]));
+    columns.back().number = std::to_string(columns.size());
+    if (k < units.size() && columns.back().unit.empty()) columns.back().unit = units[k];
+    if (!columns.back().name.empty()) names.insert(columns.back().name);
+  }
+  return names.size() == count ? columns : std::vector<RecordedColumn>{};
 }
 
 // What a column has held so far: numbers or time stamps.
@@ -195,6 +217,26 @@ bool is_line_of_numbers(const std::vector<std::string_view>& fields) {
   return any;
 }
 
+// Whether each field of a line that is not empty is a unit: "[s],[V],[rad]".
+bool are_units_alone(std::string_view line) {
+  FieldSplitter splitter(line);
+  const std::vector<std::string> units = units_in(splitter.split(line));
+  std::size_t filled = 0;
+  for (const std::string& unit : units) {
+    if (unit.empty()) continue;
+    if (!is_unit(unit)) return false;
+    ++filled;
+  }
+  return filled > 1;
+}
+
+// Whether a line has so many titles.
+bool are_titles(std::string_view line, std::size_t count) {
+  FieldSplitter splitter(line);
+  const std::vector<std::string_view>& fields = splitter.split(line);
+  return fields.size() == count && is_header(fields) && !are_units_alone(line);
+}
+
 struct NumberedLine {
   std::string text;
   std::size_t number = 0;
@@ -209,8 +251,13 @@ class TableLines {
   [[nodiscard]] const std::vector<NumberedLine>& head() const { return head_; }
   [[nodiscard]] bool ends_in_numbers() const { return ends_in_numbers_; }
   [[nodiscard]] const std::string& comment() const { return comment_; }
+  [[nodiscard]] const std::string& comment_before() const { return comment_before_; }
   [[nodiscard]] std::size_t number() const { return number_; }
   void begin_at(std::size_t place) { next_ = place; }
+  // The next line above the numbers; empty behind them.
+  [[nodiscard]] std::string_view peek() const {
+    return next_ < head_.size() ? std::string_view(head_[next_].text) : std::string_view();
+  }
 
   // The line is valid until the next call.
   bool next(std::string_view& line) {
@@ -231,20 +278,22 @@ class TableLines {
     std::string_view line;
     while (head_.size() < kMostLines && !ends_in_numbers_ && lines_.next(line)) {
       if (line.front() == '%') {
-        comment_ = line;
+        comment_before_ = std::exchange(comment_, std::string(line));
         continue;
       }
       FieldSplitter splitter(line);
       ends_in_numbers_ = is_line_of_numbers(splitter.split(line));
       head_.push_back({std::string(line), lines_.number()});
     }
-    if (comment_.empty()) comment_ = lines_.comment();
+    if (!comment_.empty()) return;
+    comment_ = lines_.comment();
+    comment_before_ = lines_.comment_before();
   }
 
   LineReader lines_;
   std::vector<NumberedLine> head_;  // the last is of numbers where there is one
   bool ends_in_numbers_ = false;
-  std::string comment_;
+  std::string comment_, comment_before_;
   std::size_t next_ = 0, number_ = 0;
 };
 
@@ -264,8 +313,8 @@ std::size_t place_of_header(const TableLines& lines) {
   };
   if (!fits(last) || count < 2) return 0;
   FieldSplitter splitter(head[last].text);
-  const bool are_units = !units_in(splitter.split(head[last].text)).empty();
-  return are_units && fits(last - 1) ? last - 1 : last;
+  if (!units_in(splitter.split(head[last].text)).empty()) return fits(last - 1) ? last - 1 : last;
+  return fits(last - 1) && are_units_alone(head[last - 1].text) ? last - 1 : last;
 }
 
 // The lines above the header, for a remark.
@@ -290,18 +339,28 @@ std::string words_of_metadata(const TableLines& lines) {
 // The header, or numbers as names; the first line of numbers is in `line` then.
 bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& splitter,
                  RecordingFile& file) {
-  const std::vector<std::string_view> fields = splitter.split(line);
+  std::vector<std::string_view> fields = splitter.split(line);
   if (!is_header(fields)) {
-    file.columns = columns_in_comment(lines.comment(), line, fields.size());
+    file.columns =
+        columns_in_comments(lines.comment(), lines.comment_before(), line, fields.size());
     if (!file.columns.empty()) return true;
     for (std::size_t k = 0; k < fields.size(); ++k) {
       file.columns.push_back({std::to_string(k + 1), {}, {}});
     }
     return true;
   }
+  std::vector<std::string> above;  // units that stand above the titles
+  if (are_units_alone(line) && are_titles(lines.peek(), fields.size())) {
+    above = units_in(fields);
+    lines.next(line);
+    fields = splitter.split(line);
+  }
   const std::vector<std::string_view> names = channel_names(fields);
   file.columns =
       header_columns(file.path, names.empty() ? fields : names, words_of_metadata(lines));
+  for (std::size_t k = 0; k < above.size(); ++k) {
+    if (file.columns[k].unit.empty()) file.columns[k].unit = above[k];
+  }
   if (!lines.next(line)) return false;
   const std::vector<std::string> units = units_in(splitter.split(line));
   if (units.size() != file.columns.size()) return true;
@@ -403,6 +462,20 @@ void take_stamps(const std::vector<ColumnContent>& contents, RecordingFile& file
   file.columns.erase(file.columns.begin() + static_cast<std::ptrdiff_t>(days.front()));
 }
 
+// Whether a row has a field for each column. A separator behind the last field, in some rows or in
+// all, makes a field without name and number that counts for nothing.
+bool are_all_fields(const std::vector<std::string_view>& fields, const RecordingFile& file,
+                    const std::vector<ColumnContent>& contents) {
+  const std::size_t columns = file.columns.size();
+  if (fields.size() < columns) {
+    const bool is_nothing = !contents.back().has_numbers && !contents.back().stamps.has_any() &&
+                            file.columns.back().name == std::to_string(columns);
+    return fields.size() + 1 == columns && is_nothing;
+  }
+  return std::all_of(fields.begin() + static_cast<std::ptrdiff_t>(columns), fields.end(),
+                     [](std::string_view field) { return field.empty(); });
+}
+
 // Words where numbers should begin: what was taken for the header may be a title.
 void refuse_words(const std::string& path, std::size_t line,
                   const std::vector<std::string_view>& fields) {
@@ -440,13 +513,14 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     const std::vector<std::string_view>& split = splitter.split(line);
     const std::vector<std::string_view>& fields =
         joins_day && split.size() > 1 ? joined = with_day_joined(split) : split;
-    if (fields.size() != values.size()) {
+    if (!are_all_fields(fields, file, contents)) {
       throw InputError(fmt::format("{}: line {}: {} fields, but there are {} columns", path,
                                    lines.number(), fields.size(), values.size()));
     }
     for (std::size_t k = 0; k < values.size(); ++k) {
+      const std::string_view field = k < fields.size() ? fields[k] : std::string_view();
       values[k].push_back(
-          sample_in(path, lines.number(), file.columns[k].name, fields[k], contents[k]));
+          sample_in(path, lines.number(), file.columns[k].name, field, contents[k]));
     }
   }
   if (values.front().empty()) throw InputError(path + ": there is a header and no numbers");

@@ -228,10 +228,18 @@ void read_time(const YamlField& root, Campaign& campaign) {
     campaign.time.column.clear();
     return;
   }
-  field.allow_keys({"column", "unit"});
+  field.allow_keys({"column", "unit", "factor", "burst"});
   const Unit& unit = unit_in(field.at("unit"));
   if (unit.base != "s") field.at("unit").fail("must be a unit of time: s, ms, us, ns, min");
-  campaign.time = {.column = field.at("column").text(), .factor = unit.factor, .required = true};
+  const double factor = field.has("factor") ? field.at("factor").positive() : 1.0;
+  campaign.time = {.column = field.at("column").text(),
+                   .factor = factor * unit.factor,
+                   .required = true,
+                   .has_unit = true,
+                   .burst = field.has("burst") ? field.at("burst").non_negative() : -1.0};
+  if (field.has("burst") && campaign.sample_time) {
+    field.at("burst").fail("is for sample_time: irregular");
+  }
 }
 
 InputHold hold_in(const YamlField& field) {

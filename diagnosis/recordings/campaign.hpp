@@ -54,6 +54,10 @@ struct TimeColumn {
   std::string column = "time";  // empty: the recorded times are ignored
   double factor = 1.0;          // to seconds
   bool required = false;        // stated in the campaign, so it must be there
+  bool has_unit = false;        // stated in the campaign; else the file's own counts, if it has one
+  // s: rows that follow a row within it, or with its time where it is 0, are the same sample,
+  // written again, and left out (irregular only); below 0: no row is.
+  double burst = -1.0;
 };
 
 // Zero phase: a Butterworth filter of this order runs forward and backward (preprocess.hpp).
@@ -123,7 +127,15 @@ struct WeightedSum {
   std::vector<std::string> of;
   std::vector<double> weights;
   std::string name;
+  std::string unit;  // base unit, which the weights lead to; empty: that of the channels
   std::optional<ChannelRole> role;
+};
+// One value throughout, as the force on a machine that nothing drives.
+struct ConstantChannel {
+  std::string name;
+  double value;      // in `unit`
+  std::string unit;  // base unit
+  ChannelRole role;
 };
 // torque = torque_constant (voltage - back_emf speed) / resistance
 struct MotorTorque {
@@ -134,7 +146,7 @@ struct MotorTorque {
 };
 using PreprocessStep =
     std::variant<LowPass, Decimate, Derivative, Transmission, Trim, ValidSamples, Unwrap, Resample,
-                 Scale, Advance, Integral, Product, WeightedSum, MotorTorque>;
+                 Scale, Advance, Integral, Product, WeightedSum, MotorTorque, ConstantChannel>;
 
 // Whether a step mends recorded numbers, before units and gains.
 [[nodiscard]] bool mends_recorded(const PreprocessStep& step);

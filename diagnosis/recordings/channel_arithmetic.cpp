@@ -78,7 +78,8 @@ void add_product(const PreprocessData& context, const Product& step) {
 void add_sum(const PreprocessData& context, const WeightedSum& step) {
   const std::string unit = context.data().signals[context.index_of(step.of.front())].unit;
   for (const std::string& name : step.of) context.expect_unit("sum", name, unit);
-  Signal added = combined(context, step.of, step.name, unit, step.role);
+  Signal added =
+      combined(context, step.of, step.name, step.unit.empty() ? unit : step.unit, step.role);
   const std::vector<Index> of = context.indices(step.of);
   for (SignalPiece& piece : context.data().pieces) {
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(piece.time.size());
@@ -86,6 +87,20 @@ void add_sum(const PreprocessData& context, const WeightedSum& step) {
     PreprocessData::append(piece, sum);
   }
   context.data().signals.push_back(std::move(added));
+}
+
+void add_constant(const PreprocessData& context, const ConstantChannel& step) {
+  for (SignalPiece& piece : context.data().pieces) {
+    PreprocessData::append(piece, Eigen::VectorXd::Constant(piece.time.size(), step.value));
+  }
+  // A constant passes every low-pass as it is, so it counts as filtered as the others are.
+  std::vector<Signal>& signals = context.data().signals;
+  Signal added{step.name, step.unit, step.role};
+  if (!signals.empty()) {
+    added.low_pass = signals.front().low_pass;
+    added.filters = signals.front().filters;
+  }
+  signals.push_back(std::move(added));
 }
 
 void add_motor_torque(const PreprocessData& context, const MotorTorque& step) {

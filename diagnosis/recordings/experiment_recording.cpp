@@ -15,6 +15,7 @@
 #include "diagnosis/recordings/motion_pairs.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/time_axis.hpp"
+#include "diagnosis/signal_faults/written_bursts.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 
@@ -69,6 +70,7 @@ bool equal_lengths(const std::vector<ChannelColumn>& columns, ExperimentRecordin
 // Whether the file's unit is the channel's, or one with a factor ("0.1 deg") that its gain has.
 bool is_unit_of_channel(const std::string& stated, const Channel& channel) {
   if (is_same_unit(stated, channel.recorded_unit)) return true;
+  if (stated == "Hz" && channel.recorded_unit == "turn/s") return true;
   const WrittenUnit written = written_unit(stated);
   if (written.unit != channel.recorded_unit) return false;
   constexpr double kRounding = 1e-6;
@@ -98,6 +100,14 @@ void check_stated_units(const std::vector<ChannelColumn>& columns, ExperimentRec
 
 // ---- time ---------------------------------------------------------------------------------------
 
+// Seconds that one of the column's unit is: the campaign's word, or else the file's.
+double time_factor(const Campaign& campaign, const RecordedColumn& column) {
+  if (campaign.time.has_unit) return campaign.time.factor;
+  const WrittenUnit written = written_unit(column.unit);
+  const Unit* unit = find_unit(written.unit);
+  return unit != nullptr && unit->base == "s" ? written.factor * unit->factor : 1.0;
+}
+
 // Seconds, from the first file that has the column; empty if none has.
 Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files, Index samples,
                                ExperimentRecording& recording) {
@@ -113,7 +123,7 @@ Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files
                             column->values.size(), samples));
       continue;
     }
-    const Eigen::VectorXd here = campaign.time.factor * column->values;
+    const Eigen::VectorXd here = time_factor(campaign, *column) * column->values;
     if (first == nullptr) {
       times = here;
       first = &file;
@@ -188,6 +198,18 @@ void thin(const Experiment& experiment, SignalPiece& piece) {
   piece.values = piece.values(rows, Eigen::all).eval();
 }
 
+// Of an irregular recording: rows without a time tell nothing, and rows that a logger wrote again
+// within a burst are no samples of their own. Their number.
+Index leave_out_rows(const TimeColumn& time, SignalPiece& piece) {
+  const std::vector<Index> kept = rows_of_samples(piece.time, time.burst);
+  const Index left_out = piece.time.size() - static_cast<Index>(kept.size());
+  if (left_out == 0 || kept.size() < 2) return 0;
+  piece.first_sample += static_cast<std::size_t>(kept.front());
+  piece.time = piece.time(kept).eval();
+  piece.values = piece.values(kept, Eigen::all).eval();
+  return left_out;
+}
+
 // In recorded units.
 SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
                      const Eigen::VectorXd& times, const Segment& segment) {
@@ -232,11 +254,20 @@ void read_pieces(const Campaign& campaign, const Experiment& experiment,
   for (const Segment& segment : used_segments(experiment, recording.samples, recording)) {
     const auto first = static_cast<Index>(segment.first);
     const auto size = static_cast<Index>(segment.last - segment.first + 1);
-    if (times.size() > 0) {
-      check_times(experiment.name, times.segment(first, size), campaign.sample_time, segment.first,
-                  recording.findings);
+    SignalPiece piece = piece_of(campaign, columns, times, segment);
+    const Index left_out = campaign.sample_time ? 0 : leave_out_rows(campaign.time, piece);
+    if (left_out > 0) {
+      add_warning(recording, "time",
+                  fmt::format("{}: {} of {} rows are left out: they have no time, or are written "
+                              "again within a burst",
+                              experiment.name, left_out, size));
     }
-    recording.data.pieces.push_back(piece_of(campaign, columns, times, segment));
+    if (times.size() > 0) {
+      check_times(experiment.name,
+                  campaign.sample_time ? Eigen::VectorXd(times.segment(first, size)) : piece.time,
+                  campaign.sample_time, segment.first, recording.findings);
+    }
+    recording.data.pieces.push_back(std::move(piece));
   }
   for (const Channel& channel : campaign.channels) {
     recording.data.signals.push_back({channel.name, channel.unit, channel.role});

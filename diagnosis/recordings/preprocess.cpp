@@ -79,6 +79,7 @@ class Preprocessor : private PreprocessData {
   void operator()(const Product& step) { add_product(*this, step); }
   void operator()(const WeightedSum& step) { add_sum(*this, step); }
   void operator()(const MotorTorque& step) { add_motor_torque(*this, step); }
+  void operator()(const ConstantChannel& step) { add_constant(*this, step); }
 
   void operator()(const LowPass& step) {
     const double sample_time = even("low_pass");

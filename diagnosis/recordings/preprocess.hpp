@@ -30,6 +30,7 @@
 //               earlier.
 // integral      trapezoidal, zero where each piece begins.
 // product, sum  of channels; a sum has weights.
+// constant      a channel of one value, as a force of zero.
 // motor_torque  k_t (V - k_e w) / R.
 #pragma once
 

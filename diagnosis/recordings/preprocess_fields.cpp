@@ -196,27 +196,41 @@ Integral integral_in(const YamlField& field, ChannelNames& names) {
   return step;
 }
 
+// Of a channel that is computed.
+std::string base_unit_in(const YamlField& field) {
+  const Unit* unit = find_unit(field.text());
+  if (unit == nullptr || unit->name != unit->base) {
+    field.fail("must be a unit without a factor, as rad, rad/s, m, N, N m, A, V or 1");
+  }
+  return field.text();
+}
+
 Product product_in(const YamlField& field, ChannelNames& names) {
   field.allow_keys({"kind", "of", "name", "unit", "is"});
   Product step{names.existing(field.at("of")), {}, {}, optional_role(field)};
   if (step.of.size() < 2) field.at("of").fail("must name at least two channels");
-  step.unit = field.at("unit").text();
-  const Unit* unit = find_unit(step.unit);
-  if (unit == nullptr || unit->name != unit->base) {
-    field.at("unit").fail("must be a unit without a factor, as rad, rad/s, m, N, N m, A, V or 1");
-  }
+  step.unit = base_unit_in(field.at("unit"));
   step.name = names.added_name(field.at("name"));
   return step;
 }
 
 WeightedSum sum_in(const YamlField& field, ChannelNames& names) {
-  field.allow_keys({"kind", "of", "weights", "name", "is"});
-  WeightedSum step{names.existing(field.at("of")), {}, {}, optional_role(field)};
+  field.allow_keys({"kind", "of", "weights", "name", "unit", "is"});
+  WeightedSum step{names.existing(field.at("of")), {}, {}, {}, optional_role(field)};
   if (step.of.size() < 2) field.at("of").fail("must name at least two channels");
   step.weights.assign(step.of.size(), 1.0);
   if (field.has("weights")) step.weights = field.at("weights").numbers(step.of.size());
+  if (field.has("unit")) step.unit = base_unit_in(field.at("unit"));
   step.name = names.added_name(field.at("name"));
   return step;
+}
+
+ConstantChannel constant_in(const YamlField& field, ChannelNames& names) {
+  field.allow_keys({"kind", "name", "value", "unit", "is"});
+  return {.name = names.added_name(field.at("name")),
+          .value = field.at("value").number(),
+          .unit = base_unit_in(field.at("unit")),
+          .role = channel_role_in(field.at("is"))};
 }
 
 MotorTorque motor_torque_in(const YamlField& field, ChannelNames& names) {
@@ -280,6 +294,8 @@ bool add_channels(const YamlField& item, const std::string& kind, ChannelNames& 
     steps.emplace_back(sum_in(item, names));
   } else if (kind == "motor_torque") {
     steps.emplace_back(motor_torque_in(item, names));
+  } else if (kind == "constant") {
+    steps.emplace_back(constant_in(item, names));
   } else {
     return false;
   }
@@ -304,9 +320,10 @@ std::vector<PreprocessStep> preprocess_steps_in(const YamlField& field,
   std::vector<PreprocessStep> steps;
   ChannelNames names(channels);
   for (const YamlField& item : field.items()) {
-    const std::string kind = item.at("kind").choice(
-        {"low_pass", "decimate", "derivative", "transmission", "trim", "valid", "rows", "unwrap",
-         "resample", "sign", "scale", "advance", "integral", "product", "sum", "motor_torque"});
+    const std::string kind =
+        item.at("kind").choice({"low_pass", "decimate", "derivative", "transmission", "trim",
+                                "valid", "rows", "unwrap", "resample", "sign", "scale", "advance",
+                                "integral", "product", "sum", "motor_torque", "constant"});
     const bool late = !steps.empty() && !mends_recorded(steps.back());
     if (!add_channels(item, kind, names, steps)) add_change(item, kind, names, channels, steps);
     if (late && mends_recorded(steps.back())) {

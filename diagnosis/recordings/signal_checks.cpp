@@ -34,6 +34,18 @@ StepSizes step_sizes(const Eigen::Ref<const Eigen::VectorXd>& values) {
   return sizes;
 }
 
+// Whether what goes to the limit at sample k is about to stop by itself: its last steps, as they
+// fall, come to less than 0.6 of the last one. A machine that turns round stands still there; a
+// signal that is cut goes on.
+bool is_stopping(const Eigen::Ref<const Eigen::VectorXd>& values, double limit, Index k) {
+  constexpr double kSlower = 0.6;
+  if (k < 3) return false;
+  const double way = limit > values(k - 1) ? 1.0 : -1.0;
+  const double last = way * (values(k - 1) - values(k - 2)),
+               before = way * (values(k - 2) - values(k - 3));
+  return last > 0.0 && last + (last - before) < kSlower * last;
+}
+
 // Adds the samples in flat runs at this value.
 void add_clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
                     const StepSizes& sizes, std::vector<Index>& places) {
@@ -47,7 +59,8 @@ void add_clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limi
     if (end - k >= kFlatRun) {
       ++runs;
       for (Index at = k; at < end; ++at) samples.push_back(at);
-      entered_abruptly = entered_abruptly || (k > 0 && std::abs(limit - values(k - 1)) > abrupt);
+      entered_abruptly = entered_abruptly || (k > 0 && std::abs(limit - values(k - 1)) > abrupt &&
+                                              !is_stopping(values, limit, k));
     }
     k = end + 1;
   }

@@ -110,6 +110,18 @@ bool is_largest_of_its_kind(const FittedLaw& law, const ExtendedFit& fit) {
   });
 }
 
+// Whether a law of other sizes, too, has springs that none of its parameters tells: each is smaller
+// than its error. What it does then a law without a spring does as well.
+bool has_untold_springs(const FittedLaw& law) {
+  std::size_t springs = 0;
+  for (const LawParameterEstimate& estimate : law.parameters) {
+    if (estimate.unit != "N/m" && estimate.unit != "N m/rad") continue;
+    if (!(std::abs(estimate.value) <= estimate.standard_error)) return false;
+    ++springs;
+  }
+  return springs > 0 && springs < law.parameters.size();
+}
+
 // Of a law of the last fit; none: it stays.
 std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
                                         const ExtendedFit& without) {
@@ -144,6 +156,10 @@ std::optional<RejectedLaw> rejection_of(SearchState& state, std::size_t law,
   if (!state.problem->noise_is_known() && !is_decisive && has_size(fitted) &&
       !excludes_its_absence(fitted)) {
     rejected.reason = "its size is not determined";
+    return rejected;
+  }
+  if (!state.problem->noise_is_known() && !is_decisive && has_untold_springs(fitted)) {
+    rejected.reason = "its stiffness is not determined, so a plainer law would do";
     return rejected;
   }
   return {};

@@ -36,6 +36,15 @@ bool has_decimal_comma(std::string_view field) {
   return skip_digits() > 0 && field.empty();
 }
 
+// Without the signs at its end that separate fields elsewhere, but for `separator`.
+std::string_view without_end(std::string_view line, char separator) {
+  while (!line.empty() && line.back() != separator &&
+         std::string_view(";,\t ").find(line.back()) != std::string_view::npos) {
+    line.remove_suffix(1);
+  }
+  return line;
+}
+
 bool is_number_with_point(std::string_view field) {
   double ignored = 0.0;
   return field.find('.') != std::string_view::npos && parse_number(field, ignored);
@@ -63,13 +72,14 @@ bool LineReader::next(std::string_view& line) {
     line = trimmed(line);
     if (line.empty()) continue;
     if (line.front() != '#') return true;
-    comment_ = line;
+    comment_before_ = std::exchange(comment_, std::string(line));
   }
   if (stream_->bad()) throw InputError(fmt::format("{}: can't be read", path_));
   return false;
 }
 
 FieldSplitter::FieldSplitter(std::string_view first_line) {
+  first_line = without_end(first_line, '\0');
   for (const char separator : {';', ',', '\t'}) {
     if (first_line.find(separator) == std::string_view::npos) continue;
     separator_ = separator;
@@ -79,6 +89,7 @@ FieldSplitter::FieldSplitter(std::string_view first_line) {
 
 const std::vector<std::string_view>& FieldSplitter::split(std::string_view line) & {
   fields_.clear();
+  line = without_end(line, separator_);
   const std::string_view whole = line;
   while (true) {
     const std::size_t end = separator_ == ' ' ? line.find_first_of(" \t") : line.find(separator_);

@@ -27,17 +27,19 @@ class LineReader {
   [[nodiscard]] std::size_t number() const { return number_; }
   // The last line with # that was skipped, with its sign; empty where there was none.
   [[nodiscard]] const std::string& comment() const { return comment_; }
+  // The one before it.
+  [[nodiscard]] const std::string& comment_before() const { return comment_before_; }
 
  private:
   std::string path_;
   std::unique_ptr<std::istream> stream_;
-  std::string text_, comment_;
+  std::string text_, comment_, comment_before_;
   std::size_t number_ = 0;
 };
 
 // Cuts the lines of one table into fields. The first of semicolon, comma and tab that occurs in the
-// table's first line separates them; where none occurs, runs of blanks and tabs do. Quotes around a
-// field are taken off.
+// table's first line separates them; where none occurs, runs of blanks and tabs do. Signs that end
+// a line and separate nothing ("1,2,3;") don't count. Quotes around a field are taken off.
 //
 // Where semicolons or tabs separate, numbers may have decimal commas: "1,25" is 1.25, and "2,5e-3"
 // is 0.0025. Not where other numbers of the table have points, for a comma then may stand between

@@ -283,7 +283,7 @@ TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
   expect_refused("model falls.csv -o out", "times must rise");
   expect_refused("model missing.csv -o out", "missing.csv");
   write_text(
-      folder_.file("still.csv"), "t,q\n" + [] {
+      folder_.file("still.csv"), "t,temperature\n" + [] {
         std::string rows;
         for (int k = 0; k < 100; ++k)
           rows += std::to_string(0.01 * k) + "," + std::to_string(k) + "\n";
@@ -297,7 +297,10 @@ TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
           rows += std::to_string(0.01 * k) + "," + std::to_string(k * k) + ",0.7\n";
         return rows;
       }());
-  expect_refused("model step.csv -o out", "constant here: 'u'");
+  const auto undriven = graybox("model step.csv -o undriven");
+  EXPECT_EQ(undriven.exit_code, 2);
+  EXPECT_NE(undriven.output.find("constant here: 'u'"), std::string::npos) << undriven.output;
+  EXPECT_NE(undriven.output.find("--no-drive"), std::string::npos) << undriven.output;
   write_text(
       folder_.file("steps.csv"), "Timestamp,q,tau\n" + [] {
         std::string rows;

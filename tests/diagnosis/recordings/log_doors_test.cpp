@@ -1,0 +1,455 @@
+// The doors of graybox for strangers' logs: separators behind rows, units on lines of their own,
+// rows without a time or written again, machines that nothing drives, servos that follow a goal,
+// and titles as people write them. All logs are simulated here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
+#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/proposal/proposal.hpp"
+#include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/recordings/experiment_recording.hpp"
+#include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/signal_faults/written_bursts.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// J v' = u - b v: what a drive of two tones does to a mass.
+struct DoorAxis {
+  VectorXd time, position, velocity, force;
+};
+
+DoorAxis door_axis(Index samples, double step) {
+  constexpr double kInertia = 0.02, kDamping = 0.05;
+  constexpr int kSteps = 50;
+  DoorAxis result{VectorXd(samples), VectorXd(samples), VectorXd(samples), VectorXd(samples)};
+  double q = 0.0, v = 0.0;
+  for (Index k = 0; k < samples; ++k) {
+    const double t = step * static_cast<double>(k);
+    const double u = 0.6 * std::sin(2.0 * t) + 0.3 * std::sin(5.1 * t + 1.0);
+    result.time(k) = t;
+    result.position(k) = q;
+    result.velocity(k) = v;
+    result.force(k) = u;
+    for (int s = 0; s < kSteps; ++s) {
+      v += (u - kDamping * v) / kInertia * step / kSteps;
+      q += v * step / kSteps;
+    }
+  }
+  return result;
+}
+
+using TitledColumn = std::pair<std::string, VectorXd>;
+
+std::string table_of(const std::vector<TitledColumn>& columns, const std::string& behind = "") {
+  std::string text;
+  for (const TitledColumn& column : columns) text += (text.empty() ? "" : ",") + column.first;
+  text += "\n";
+  for (Index k = 0; k < columns.front().second.size(); ++k) {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      text += fmt::format("{}{:.9g}", c == 0 ? "" : ",", columns[c].second(k));
+    }
+    text += behind + "\n";
+  }
+  return text;
+}
+
+class LogDoors : public ::testing::Test {
+ protected:
+  RecordingFile read(const std::string& text) {
+    testing::write_text(folder_.file("read.csv"), text);
+    return read_recording_file(folder_.file("read.csv"));
+  }
+  ModelProposal proposed(const std::string& text, const std::vector<std::string>& answers = {},
+                         ProposalRequest request = {}) {
+    testing::write_text(folder_.file("log.csv"), text);
+    if (request.machine == ProposedMachine::kOpen) request.machine = ProposedMachine::kOneMass;
+    request.logs = {folder_.file("log.csv")};
+    request.folder = folder_.file("axis");
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
+    return propose_model(request);
+  }
+  // The first experiment of the campaign, as a diagnosis reads it.
+  ExperimentRecording loaded(const ModelProposal& proposal) {
+    std::filesystem::create_directories(folder_.file("axis"));
+    testing::write_text(folder_.file("axis/campaign.yaml"), proposal.campaign_text);
+    return load_experiment(read_campaign(folder_.file("axis/campaign.yaml")), 0);
+  }
+  static std::string all_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const OpenQuestion& each : proposal.questions) {
+      text += "open: " + each.text + " (" + each.option + ")\n";
+    }
+    for (const std::string& note : proposal.notes) text += "note: " + note + "\n";
+    for (const ProposedGuess& each : proposal.guesses) {
+      text += each.subject + ": " + each.value + "; " + each.reason + "\n";
+    }
+    return text;
+  }
+  static bool says(const ModelProposal& proposal, const std::string& part) {
+    return all_of(proposal).find(part) != std::string::npos;
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+// ---- tables -------------------------------------------------------------------------------------
+
+TEST_F(LogDoors, SeparatorsBehindRowsDontMatter) {
+  const std::vector<std::string> tables{
+      "t,u,q\n0,1.5,2\n1,2.5,4\n",          "t,u,q\n0,1.5,2;\n1,2.5,4;\n",
+      "t,u,q;\n0,1.5,2;\n1,2.5,4;\n",       "t,u,q,\n0,1.5,2,\n1,2.5,4,\n",
+      "t,u,q\n0,1.5,2,\n1,2.5,4,\n",        "t,u,q\n0,1.5,2,\n1,2.5,4\n",
+      "t u q\n0 1.5 2;\n1 2.5 4;\n",        "t;u;q\n0;1,5;2;\n1;2,5;4;\n",
+      "t\tu\tq\n0\t1.5\t2,\n1\t2.5\t4\t\n", "# t,u,q\n0,1.5,2;\n1,2.5,4;\n"};
+  for (const std::string& table : tables) {
+    const RecordingFile file = read(table);
+    ASSERT_EQ(file.columns.size(), 3U) << table;
+    EXPECT_EQ(file.at("u").values, Eigen::Vector2d(1.5, 2.5)) << table;
+    EXPECT_EQ(file.at("q").values, Eigen::Vector2d(2, 4)) << table;
+  }
+  // A number that is missing is still told.
+  testing::expect_refused([&] { (void)read("t,u,q\n0,1.5,2\n1,2.5\n"); }, "2 fields");
+  testing::expect_refused([&] { (void)read("t,u,q\n0,1.5,2\n1,2.5,4,5\n"); }, "4 fields");
+}
+
+TEST_F(LogDoors, UnitsStandOnALineOfTheirOwnOnEitherSide) {
+  const std::string rows = "0,0.5,1,2\n1,0.6,2,3\n";
+  for (const std::string& head :
+       {std::string("%a log\n%timestep (8Hz),voltage,position,velocity\n%[#],[V],[rad],[rad/s]\n"),
+        std::string("%[#],[V],[rad],[rad/s]\n%timestep (8Hz),voltage,position,velocity\n"),
+        std::string(
+            "# a log\n# timestep (8Hz),voltage,position,velocity\n# [#],[V],[rad],[rad/s]\n"),
+        std::string("timestep (8Hz),voltage,position,velocity\n[#],[V],[rad],[rad/s]\n"),
+        std::string("[#],[V],[rad],[rad/s]\ntimestep (8Hz),voltage,position,velocity\n")}) {
+    const RecordingFile file = read(head + rows);
+    ASSERT_EQ(file.columns.size(), 4U) << head;
+    EXPECT_EQ(file.columns[0].name, "timestep (8Hz)") << head;
+    EXPECT_EQ(file.columns[0].unit, "") << head;
+    EXPECT_EQ(file.at("voltage").unit, "V") << head;
+    EXPECT_EQ(file.at("position").unit, "rad") << head;
+    EXPECT_EQ(file.at("velocity").unit, "rad/s") << head;
+    EXPECT_EQ(file.at("velocity").values, Eigen::Vector2d(2, 3)) << head;
+  }
+  // Titles that are units alone stay titles, and a remark above titles is none.
+  EXPECT_EQ(read("s,V,rad\n0,1,2\n1,2,3\n").columns[2].name, "rad");
+  EXPECT_EQ(read("# one, two, three\n# t, u, q\n0,1,2\n1,2,3\n").columns[2].name, "q");
+}
+
+// ---- rows that are no samples -------------------------------------------------------------------
+
+TEST_F(LogDoors, RowsWithoutATimeAreLeftOut) {
+  const DoorAxis m = door_axis(600, 0.01);
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  DoorAxis gapped = m;
+  for (const Index row : {39, 300, 301}) {
+    for (VectorXd* column : {&gapped.time, &gapped.position, &gapped.force}) (*column)(row) = kNone;
+  }
+  const ModelProposal proposal = proposed(table_of({{"time [s]", gapped.time},
+                                                    {"position [rad]", gapped.position},
+                                                    {"torque [N m]", gapped.force}}));
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "3 rows without a time are left out")) << all_of(proposal);
+  const ExperimentRecording run = loaded(proposal);
+  const Index angle = run.index_of("angle");
+  double off = 0.0;
+  Index count = 0;
+  for (const SignalPiece& piece : run.data.pieces) {
+    for (Index k = 0; k < piece.time.size(); ++k, ++count) {
+      const auto row = static_cast<Index>(std::lround(piece.time(k) / 0.01));
+      off = std::max(off, std::abs(piece.values(k, angle) - m.position(row)));
+    }
+  }
+  EXPECT_GT(count, 280);
+  EXPECT_LT(off, 1e-3 * m.position.cwiseAbs().maxCoeff());
+}
+
+// Seven rows each 40 ms, of one measurement: stamps of one burst are equal, or 0.1 ms apart.
+TEST_F(LogDoors, RowsWrittenAgainAreOneSample) {
+  constexpr int kRows = 7;
+  const DoorAxis m = door_axis(400, 0.04);
+  for (const double within : {0.0, 0.0001}) {
+    DoorAxis burst{VectorXd(400 * kRows), VectorXd(400 * kRows), {}, VectorXd(400 * kRows)};
+    for (Index k = 0; k < burst.time.size(); ++k) {
+      burst.time(k) = m.time(k / kRows) + within * static_cast<double>(k % kRows);
+      burst.position(k) = m.position(k / kRows);
+      burst.force(k) = m.force(k / kRows);
+    }
+    const ModelProposal proposal = proposed(table_of({{"time [s]", burst.time},
+                                                      {"position [rad]", burst.position},
+                                                      {"torque [N m]", burst.force}}));
+    EXPECT_TRUE(says(proposal, "400 of 2800 rows are samples")) << all_of(proposal);
+    EXPECT_NE(proposal.campaign_text.find("burst: "), std::string::npos);
+    const ExperimentRecording run = loaded(proposal);
+    EXPECT_DOUBLE_EQ(run.data.sample_time.value_or(0.0), 0.04);
+    const SignalPiece& piece = run.data.pieces.at(0);
+    ASSERT_GT(piece.time.size(), 190);
+    for (Index k = 0; k < 190; ++k) {
+      EXPECT_NEAR(piece.values(k, run.index_of("angle")), m.position(k), 1e-6);
+    }
+  }
+}
+
+// Stamps of 10 ms for rows of 2 ms that were measured anew: no repetition. What is advised works.
+TEST_F(LogDoors, CoarseStampsOfNewMeasurementsAreToldAndTheAdviceWorks) {
+  const DoorAxis m = door_axis(1000, 0.002);
+  VectorXd coarse = m.time;
+  for (double& t : coarse) t = 3600.0 + 10.0 * std::floor(t / 0.01 + 1e-9);
+  EXPECT_FALSE(find_bursts(coarse, {m.position}).has_value());
+  const std::string text =
+      table_of({{"time [ms]", coarse}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
+  testing::expect_refused([&] { (void)proposed(text); },
+                          "say --column 'time=ignore' --sample-time 0.00199");
+  ProposalRequest request;
+  request.sample_time = 0.002;
+  const ModelProposal proposal = proposed(text, {"time=ignore"}, request);
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_NE(proposal.campaign_text.find("time: ignore"), std::string::npos);
+  const SignalPiece piece = loaded(proposal).data.pieces.at(0);
+  EXPECT_NEAR(piece.time(1) - piece.time(0), 0.002, 1e-12);
+}
+
+TEST_F(LogDoors, ATimeCountsInTheUnitOfItsTitleAndInTicks) {
+  const DoorAxis m = door_axis(400, 0.004);
+  testing::write_text(folder_.file("log.csv"),
+                      table_of({{"time [ms]", 1000.0 * m.time}, {"q", m.position}}));
+  testing::write_text(folder_.file("campaign.yaml"),
+                      "format: graybox-campaign/1\nsample_time: irregular\nchannels:\n"
+                      "  - {name: q, unit: rad, is: output}\nexperiments: [{file: log.csv}]\n");
+  const ExperimentRecording run = load_experiment(read_campaign(folder_.file("campaign.yaml")), 0);
+  EXPECT_NEAR(run.data.pieces.at(0).time(1), 0.004, 1e-12);
+  // 125 us each, uneven.
+  VectorXd ticks = m.time / 0.000125;
+  for (Index k = 0; k < ticks.size(); ++k) ticks(k) += 2.0 * static_cast<double>(k % 3);
+  const std::vector<TitledColumn> columns{
+      {"timestep", ticks}, {"position [rad]", m.position}, {"torque [N m]", m.force}};
+  const ModelProposal asked = proposed(table_of(columns));
+  EXPECT_TRUE(says(asked, "'timestep' rises by 28 to 34 a row")) << all_of(asked);
+  ProposalRequest request;
+  request.sample_time = 0.004;
+  EXPECT_TRUE(says(proposed(table_of(columns), {}, request), "--sample-time is wrong"));
+  const ModelProposal answered = proposed(table_of(columns), {"timestep=time:0.125 ms"});
+  EXPECT_TRUE(answered.questions.empty()) << all_of(answered);
+  EXPECT_NEAR(loaded(answered).data.sample_time.value_or(0.0), 0.004, 0.0005);
+  // Even rows that count by more than one contradict nothing.
+  const ModelProposal even = proposed(
+      table_of(
+          {{"n", m.time / 0.000125}, {"position [rad]", m.position}, {"torque [N m]", m.force}}),
+      {}, request);
+  EXPECT_FALSE(says(even, "--sample-time is wrong")) << all_of(even);
+}
+
+// ---- drives -------------------------------------------------------------------------------------
+
+TEST_F(LogDoors, WithoutADriveARunDownIsProposed) {
+  const VectorXd time = VectorXd::LinSpaced(500, 0.0, 4.99);
+  const VectorXd speed = time.unaryExpr([](double t) { return 20.0 * std::exp(-0.4 * t) - 2.0; });
+  const std::string text = table_of({{"time [s]", time}, {"speed [rad/s]", speed}});
+  const ModelProposal asked = proposed(text);
+  ASSERT_EQ(asked.questions.size(), 1U) << all_of(asked);
+  EXPECT_TRUE(says(asked, "--no-drive")) << all_of(asked);
+  EXPECT_TRUE(asked.questions.front().choices.front().no_drive);
+  ProposalRequest request;
+  request.no_drive = true;
+  const ModelProposal proposal = proposed(text, {}, request);
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "drive: nothing")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "it is held")) << all_of(proposal);
+  const ExperimentRecording run = loaded(proposal);
+  const Index torque = run.index_of("torque");
+  EXPECT_EQ(run.data.signals[static_cast<std::size_t>(torque)].unit, "N m");
+  EXPECT_EQ(run.data.signals[static_cast<std::size_t>(torque)].role, ChannelRole::kInput);
+  EXPECT_EQ(run.data.pieces.at(0).values.col(torque).cwiseAbs().maxCoeff(), 0.0);
+}
+
+TEST_F(LogDoors, AServosDriveIsItsGoalMinusItsPosition) {
+  const DoorAxis m = door_axis(600, 0.01);
+  const VectorXd goal = m.position + 0.5 * m.force;
+  const std::string text = table_of(
+      {{"time [s]", m.time}, {"position [rad]", m.position}, {"goal_position [rad]", goal}});
+  const ModelProposal asked = proposed(text);
+  EXPECT_TRUE(says(asked, "--column 'goal_position=goal'")) << all_of(asked);
+  EXPECT_TRUE(says(proposed(text, {"goal_position=command"}), "a servo follows it"));
+  ProposalRequest request;
+  request.gain = 2.0;
+  const ModelProposal proposal = proposed(text, {"goal_position=goal"}, request);
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "a stiffness that is found is a part of it")) << all_of(proposal);
+  const ExperimentRecording run = loaded(proposal);
+  const SignalPiece& piece = run.data.pieces.at(0);
+  for (Index k = 0; k < piece.time.size(); ++k) {
+    const auto row = static_cast<Index>(std::lround(piece.time(k) / 0.01));
+    EXPECT_NEAR(piece.values(k, run.index_of("torque")), m.force(row), 1e-6);
+  }
+}
+
+TEST_F(LogDoors, AStepFromZeroIsNoSupply) {
+  const DoorAxis m = door_axis(400, 0.01);
+  VectorXd step = VectorXd::Constant(400, 12.0), supply = step;
+  for (Index k = 0; k < 400; ++k) supply(k) -= 0.05 * std::sin(0.3 * static_cast<double>(k));
+  step.head(3).setZero();
+  const auto with = [&](const VectorXd& volts) {
+    return proposed(
+        table_of({{"time [s]", m.time}, {"speed [rad/s]", m.time}, {"voltage [V]", volts}}));
+  };
+  EXPECT_TRUE(with(step).questions.empty()) << all_of(with(step));
+  EXPECT_TRUE(says(with(supply), "as a supply does")) << all_of(with(supply));
+}
+
+// ---- titles -------------------------------------------------------------------------------------
+
+TEST_F(LogDoors, TitlesOfDrivesAndSpeeds) {
+  for (const char* title : {"Vin", "vin", "V_in", "Vout", "volts"}) {
+    EXPECT_EQ(read_column_words(title, "").quantity, LogQuantity::kVoltage) << title;
+  }
+  for (const char* title : {"u", "pwm_duty", "PWM", "duty"}) {
+    EXPECT_EQ(read_column_words(title, "").quantity, LogQuantity::kCommand) << title;
+  }
+  const ColumnWords speed = read_column_words("velocity measured [Hz]", "");
+  EXPECT_EQ(speed.unit, "turn/s");
+  EXPECT_TRUE(speed.odd_unit.empty());
+  EXPECT_EQ(column_answer("w=velocity:Hz").unit, "turn/s");
+  EXPECT_TRUE(read_column_words("torque [Hz]", "").unit.empty());
+}
+
+TEST_F(LogDoors, ColumnsAreNamedWithAndWithoutTheirUnits) {
+  const DoorAxis m = door_axis(300, 0.01);
+  const std::string text = table_of({{"time [s]", m.time},
+                                     {"angle [rad]", m.position},
+                                     {"motor torque [Nm]", m.force},
+                                     {"net torque [N m]", m.force}});
+  for (const char* name : {"motor torque", "motor torque [Nm]", "motor torque [N m]"}) {
+    const ModelProposal proposal =
+        proposed(text, {std::string(name) + "=torque", "net torque=ignore"});
+    EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+    EXPECT_TRUE(says(proposal, "drive: 'motor torque")) << all_of(proposal);
+  }
+  EXPECT_TRUE(proposed(text, {"net torque [N m]=torque", "motor torque=ignore"}).questions.empty());
+  testing::expect_refused([&] { (void)proposed(text, {"motor torque [A]=torque"}); },
+                          "has no such column");
+}
+
+TEST_F(LogDoors, AMotorsAccelerationMayBeTheCommand) {
+  const DoorAxis m = door_axis(300, 0.01);
+  const ModelProposal proposal = proposed(table_of({{"time", m.time},
+                                                    {"angle_velocity [rad/s]", m.velocity},
+                                                    {"angle [rad]", m.position},
+                                                    {"motor_acc", m.force}}));
+  EXPECT_TRUE(says(proposal, "--column 'motor_acc=command'")) << all_of(proposal);
+}
+
+TEST_F(LogDoors, OneQuestionIsAskedOnce) {
+  const DoorAxis m = door_axis(300, 0.01);
+  ProposalRequest request;
+  request.machine = ProposedMachine::kTwoMasses;
+  const ModelProposal proposal = proposed(
+      table_of({{"time [s]", m.time}, {"speed [furlong]", m.velocity}, {"torque [N m]", m.force}}),
+      {}, request);
+  ASSERT_FALSE(proposal.questions.empty());
+  for (std::size_t a = 0; a < proposal.questions.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      EXPECT_NE(proposal.questions[a].text, proposal.questions[b].text);
+    }
+  }
+}
+
+// ---- what is doubted ----------------------------------------------------------------------------
+
+TEST_F(LogDoors, CountsCalledRadAreDoubted) {
+  const DoorAxis m = door_axis(600, 0.01);
+  const double counts = 8192.0 / 6.283185307;
+  VectorXd encoder = 2233639.0 + counts * m.position.array() * 4.0;
+  for (double& each : encoder) each = std::round(each * 4.0) / 4.0;
+  const auto text = [&](const VectorXd& position) {
+    return table_of(
+        {{"time [s]", m.time}, {"position [rad]", position}, {"torque [N m]", m.force}});
+  };
+  EXPECT_TRUE(says(proposed(text(encoder)), "are these counts of an encoder, or radians?"));
+  EXPECT_TRUE(says(proposed(text(encoder), {"position=position:rad"}), "Then say --column"));
+  EXPECT_TRUE(proposed(text(1000.3 * m.position)).questions.empty());
+}
+
+TEST(KeptOutHalves, AHalfThatTremblesIsNotKeptOut) {
+  const Index n = 600;
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> noise(0.0, 0.02);
+  VectorXd angle(n);
+  for (Index k = 0; k < n; ++k) {
+    const double t = static_cast<double>(k) / 100.0;
+    angle(k) = t < 2.0 ? 0.5 * std::cos(3.0 * t) : 0.5 * std::cos(6.0);
+    angle(k) += noise(random);
+  }
+  for (const double drive : {0.0, 1.0}) {
+    VectorXd force = VectorXd::Zero(n);
+    for (Index k = 0; k < n; ++k) force(k) = drive * std::sin(0.7 * static_cast<double>(k));
+    EXPECT_EQ(kept_out_blocks(force, angle, false).reason, "nothing moves in the second half");
+  }
+  // One that swings on is kept out.
+  for (Index k = 0; k < n; ++k) angle(k) = 0.5 * std::cos(0.03 * static_cast<double>(k));
+  EXPECT_EQ(kept_out_blocks(VectorXd::Zero(n), angle, false).reason, "");
+}
+
+// An axis that brakes, turns round and stands there a while is not cut; one whose range ends is.
+TEST(FlatTops, TurningPointsAreNoClipping) {
+  std::vector<double> steps{0.06, 0.14, 0.22};
+  steps.insert(steps.end(), 40, 0.30);
+  steps.insert(steps.end(), {0.22, 0.14, 0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0});
+  const auto profile = [&](double limit) {
+    VectorXd values(static_cast<Index>(10 * steps.size()));
+    double place = 0.0;
+    for (Index k = 0; k < values.size(); ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      values(k) = 0.02 * std::round(std::min(place, limit) / 0.02);
+      place += (at / steps.size() % 2 == 0 ? 1.0 : -1.0) * steps[at % steps.size()];
+    }
+    return values;
+  };
+  EXPECT_EQ(clipped_samples(profile(100.0)), 0U);
+  EXPECT_GT(clipped_samples(profile(10.0)), 0U);
+}
+
+TEST_F(LogDoors, ACoarseSpeedIsNoGear) {
+  const DoorAxis m = door_axis(1000, 0.01);
+  VectorXd coarse = m.velocity, geared = 3.7 * m.velocity;
+  const double largest = m.velocity.cwiseAbs().maxCoeff();
+  for (double& v : coarse) v = 1.2 * (std::abs(v) < 0.5 * largest ? 0.4 * v : v);
+  const auto with = [&](const VectorXd& speed) {
+    return proposed(table_of({{"time [s]", m.time},
+                              {"position [deg]", 57.29577951 * m.position},
+                              {"speed [deg/s]", 57.29577951 * speed},
+                              {"torque [N m]", m.force}}));
+  };
+  EXPECT_FALSE(says(with(coarse), "as behind a gear")) << all_of(with(coarse));
+  EXPECT_TRUE(says(with(coarse), "a coarse speed")) << all_of(with(coarse));
+  EXPECT_TRUE(says(with(geared), "as behind a gear")) << all_of(with(geared));
+}
+
+TEST_F(LogDoors, AMeasuredCurrentGoesOnBetweenSamples) {
+  const DoorAxis m = door_axis(300, 0.01);
+  const auto hold_of = [&](const std::string& title) {
+    const ModelProposal proposal = proposed(
+        table_of({{"time [s]", m.time}, {"position [rad]", m.position}, {title, m.force}}));
+    const std::size_t at = proposal.campaign_text.find("hold: ");
+    return proposal.campaign_text.substr(at + 6, 5);
+  };
+  EXPECT_EQ(hold_of("actual current [A]"), "first");
+  EXPECT_EQ(hold_of("current [A]"), "zero ");
+}
+
+}  // namespace
+}  // namespace graybox
