@@ -329,6 +329,35 @@ VerdictReason sizes_hold_reason(const Diagnosis& diagnosis) {
                  "or record what differs between them");
 }
 
+namespace {
+
+// Where nothing was detected: nothing is missing, if neither recordings kept out nor what is left
+// speak against that. Much that is left is noise only if it has no memory.
+std::vector<VerdictReason> reasons_for_nothing(const Diagnosis& diagnosis,
+                                               const SearchOptions& options) {
+  std::vector<VerdictReason> against;
+  const bool is_unknown = !diagnosis.noise_is_known;
+  if (is_unknown && diagnosis.validation_after &&
+      diagnosis.validation_after->nrmse > options.channel_tolerance) {
+    against.push_back(generalisation(diagnosis, options));
+  }
+  if (is_unknown && diagnosis.after.estimation.nrmse > options.channel_tolerance) {
+    against.push_back(memory_reason(diagnosis, options));
+    append(channel_reasons(diagnosis, options), against);
+  }
+  if (diagnosis.kept_out_change) against.push_back(sizes_hold_reason(diagnosis));
+  std::vector<VerdictReason> reasons;
+  for (VerdictReason& reason : against) {
+    if (has_failed(reason)) reasons.push_back(std::move(reason));
+  }
+  if (!reasons.empty()) return reasons;
+  return {failed("something is missing",
+                 "nothing: the model as it is will do for motion like the recorded one",
+                 Verdict::kNone)};
+}
+
+}  // namespace
+
 std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
                                            const SearchOptions& options) {
   std::vector<VerdictReason> reasons;
@@ -347,30 +376,8 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     reasons.push_back(not_asked("something is missing", 0.0, kNoTime));
     return reasons;
   }
-  if (!diagnosis.detection.detected && !diagnosis.noise_is_known && diagnosis.validation_after &&
-      diagnosis.validation_after->nrmse > options.channel_tolerance) {
-    VerdictReason kept_out = generalisation(diagnosis, options);
-    if (has_failed(kept_out)) {
-      reasons.push_back(std::move(kept_out));
-      return reasons;
-    }
-  }
-  // Much that is left is noise only if it has no memory.
-  if (!diagnosis.detection.detected && !diagnosis.noise_is_known &&
-      diagnosis.after.estimation.nrmse > options.channel_tolerance) {
-    reasons.push_back(memory_reason(diagnosis, options));
-    if (has_failed(reasons.back())) return reasons;
-    append(channel_reasons(diagnosis, options), reasons);
-    if (std::ranges::any_of(reasons, has_failed)) return reasons;
-  }
-  if (!diagnosis.detection.detected && diagnosis.kept_out_change) {
-    reasons.push_back(sizes_hold_reason(diagnosis));
-    if (has_failed(reasons.back())) return reasons;
-  }
   if (!diagnosis.detection.detected) {
-    reasons.push_back(failed("something is missing",
-                             "nothing: the model as it is will do for motion like the recorded one",
-                             Verdict::kNone));
+    append(reasons_for_nothing(diagnosis, options), reasons);
     return reasons;
   }
   append(law_reasons(diagnosis), reasons);

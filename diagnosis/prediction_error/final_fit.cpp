@@ -482,24 +482,6 @@ Eigen::ArrayXd FinalFit::relative_errors(const PredictionFit& fit) const {
          mean;
 }
 
-// rms of the inputs where they are kept out, over that of the fit; the largest.
-double FinalFit::growth_of_drive() const {
-  VectorXd squares[2], samples[2];
-  for (const OutputErrorRecording& recording : data_->recordings()) {
-    const int role = recording.role == ExperimentRole::kEstimation ? 0 : 1;
-    const VectorXd own = recording.inputs.colwise().squaredNorm().transpose();
-    if (squares[role].size() == 0) squares[role] = samples[role] = VectorXd::Zero(own.size());
-    squares[role] += own;
-    samples[role].array() += static_cast<double>(recording.inputs.rows());
-  }
-  double most = 0.0;
-  for (Index j = 0; j < std::min(squares[0].size(), squares[1].size()); ++j) {
-    const double of_fit = squares[0](j) / samples[0](j), kept_out = squares[1](j) / samples[1](j);
-    if (of_fit > 0.0) most = std::max(most, std::sqrt(kept_out / of_fit));
-  }
-  return most;
-}
-
 std::optional<FinalFit::Growth> FinalFit::growth() const {
   if (!found_.held_out_error) return {};
   const std::optional<Index> ahead = rest_->foreseeable(kDisturbed);
@@ -520,7 +502,7 @@ std::optional<FinalFit::Growth> FinalFit::growth() const {
   if (!of_fit || !kept_out) return {};
   const VectorXd noise = data_->noise();
   const Eigen::ArrayXd of_signals = found_.held_out_scale.array() / data_->output_scale().array();
-  const double larger = std::max(1.0, growth_of_drive());
+  const double larger = std::max(1.0, data_->growth_of_inputs());
   Growth growth;
   growth.ratio = (outside.array().max(noise.array()) / inside.array().max(noise.array()) /
                   of_signals.max(larger))

@@ -100,7 +100,6 @@ class FinalFit {
   // that replace nothing.
   [[nodiscard]] JudgedModel best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
                                            std::optional<std::size_t> replaced) const;
-  [[nodiscard]] double growth_of_drive() const;
   [[nodiscard]] bool is_thinned() const;
   void climb_again();
   void fit_as_judged();

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "diagnosis/hypotheses/law_shapes.hpp"
 
@@ -373,10 +374,18 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     list.push_back(std::move(law));
   } else if (plain.law == "quadratic_drag" && at.rate(0.9) > kSpeeds * at.rate(0.2)) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
-  } else if (plain.law == "deflection_damping") {
+  } else if (plain.law == "deflection_damping" && !winds_up(place, at)) {
     list.push_back(
         amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.largest * at.largest), true));
   }
+}
+
+// A spring at a shaft that turns on and on would wind up without end. Where the angle is not
+// measured, that is all that is known of it.
+bool PredictionHypotheses::winds_up(const Location& place, const MotionAt& at) const {
+  constexpr double kTwoTurns = 4.0 * std::numbers::pi;
+  const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
+  return rotates_ && !measures_position_ && is_one_mass && at.range > kTwoTurns;
 }
 
 void PredictionHypotheses::extend_spring(const LawExtension& plain,
@@ -387,6 +396,8 @@ void PredictionHypotheses::extend_spring(const LawExtension& plain,
   const double size = at.largest;
   if (plain.law == "offset") {
     list.push_back(amplitude(plain, {0.0}, 0, at.force, false));
+  } else if (winds_up(plain.location, at)) {
+    return;
   } else if (plain.law == "stiffness" && !spring) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / size, false));
   } else if (plain.law == "cubic_spring") {

@@ -55,6 +55,7 @@ class PredictionHypotheses {
                     const std::vector<RippleTrial>& ripples, std::vector<LawExtension>& list) const;
   void extend_friction(const LawExtension& plain, const ExtendedLumpedModel& present,
                        const MotionAt& at, std::vector<LawExtension>& list) const;
+  [[nodiscard]] bool winds_up(const Location& place, const MotionAt& at) const;
   void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,
                      const MotionAt& at, std::vector<LawExtension>& list) const;
   void extend_play(const LawExtension& plain, const ExtendedLumpedModel& present,

@@ -573,11 +573,13 @@ PredictionFindings PredictionSearch::search_innovations(const LumpedModel& state
 
 PredictionFindings PredictionSearch::search_whole(const LumpedModel& stated,
                                                   const PredictionFindings& ladder,
-                                                  const ExtendedLumpedModel& without) {
+                                                  const ExtendedLumpedModel& from) {
   findings_ = ladder;
-  findings_.laws.clear();
+  std::erase_if(findings_.laws, [&](const AcceptedLaw& law) {
+    return std::ranges::count(from.laws, law.hypothesis, &PlacedFinding::hypothesis) == 0;
+  });
   findings_.followed.reset();
-  findings_.found = start_ = without;
+  findings_.found = start_ = from;
   stated_ = &stated;
   disturbance_ = {};
   State state;

@@ -148,11 +148,11 @@ class PredictionSearch {
                                                       const PredictionFindings& ladder,
                                                       const ExtendedLumpedModel& without);
 
-  // Whole recordings in free run, where the ladder ends without laws. Small forces add up there,
-  // and so does a disturbance: recordings kept out must confirm what is found.
+  // Whole recordings in free run, from where a last fit of what the ladder found ended. Small forces
+  // add up there, and so does a disturbance: recordings kept out must confirm what is found.
   [[nodiscard]] PredictionFindings search_whole(const LumpedModel& stated,
                                                 const PredictionFindings& ladder,
-                                                const ExtendedLumpedModel& without);
+                                                const ExtendedLumpedModel& from);
 
  private:
   struct State {  // on one rung

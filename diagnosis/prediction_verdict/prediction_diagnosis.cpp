@@ -365,15 +365,29 @@ bool is_confirmed(const FinalFit& final) {
   return true;
 }
 
+// What is left of recordings kept out, of their signal.
+double kept_out_of(const JudgedModel& model) {
+  return relative_size(*model.held_out_error, model.held_out_scale);
+}
+
+// Whether whole recordings kept out are foretold with laws, and not well.
+bool leaves_much_kept_out(const JudgedModel& found) {
+  constexpr double kMuch = 0.05;  // of the signal
+  return found.horizon == 0 && found.held_out_error && kept_out_of(found) > kMuch;
+}
+
 // Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
-// and recordings were kept out that confirm what is found.
+// or where its laws leave much of recordings kept out. These must confirm what is found: short
+// windows show no friction beside a weight, and take it for damping.
 std::optional<OtherLook> look_farther(const LumpedModel& stated, const PredictionData& data,
                                       const PredictionHypotheses& hypotheses,
                                       const PredictionSearchOptions& options,
                                       PredictionFindings& ladder, const FinalFit& without) {
+  constexpr double kHalf = 0.5;
   const JudgedModel& found = without.found();
-  if (!found.fit.usable || !found.fit.model.laws.empty() || ladder.stopped || ladder.has_free_run ||
-      !data.has_validation()) {
+  const std::size_t laws = found.fit.model.laws.size();
+  if (!found.fit.usable || ladder.stopped || ladder.has_free_run || !data.has_validation() ||
+      (laws > 0 && !leaves_much_kept_out(found))) {
     return {};
   }
   PredictionSearch search(data, hypotheses, options);
@@ -384,8 +398,9 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
   if (look.findings->laws.empty() || ladder.stopped) return {};
   look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
   const JudgedModel& farther = look.final->found();
-  if (!farther.fit.usable || farther.fit.model.laws.empty() || !is_confirmed(*look.final))
+  if (!farther.fit.usable || farther.fit.model.laws.size() <= laws || !is_confirmed(*look.final))
     return {};
+  if (laws > 0 && !(kept_out_of(farther) < kHalf * kept_out_of(found))) return {};
   return look;
 }
 
@@ -449,7 +464,7 @@ void doubt_sign(const LumpedModel& stated, const PredictionData& data,
                 Diagnosis& diagnosis) {
   constexpr std::array kHolding{"gravity", "stiffness", "cubic_spring",
                                 "offset",  "dead_zone", "backlash"};
-  constexpr double kAbout = 2.0;  // of the error
+  constexpr double kAbout = 5.0, kWell = 0.05;  // of the error, of the signal
   const bool holds = std::ranges::any_of(diagnosis.effects, [&](const FoundEffect& effect) {
     return std::ranges::count(kHolding, hypotheses.hypotheses()[effect.law.hypothesis].law) > 0;
   });
@@ -458,7 +473,7 @@ void doubt_sign(const LumpedModel& stated, const PredictionData& data,
   const double left = relative_size(found.error, data.output_scale());
   const std::optional<double> turned =
       error_with_force_reversed(stated, data, hypotheses, found.horizon, threads);
-  if (!turned || *turned > kAbout * left) return;
+  if (!turned || *turned > kAbout * left || *turned > kWell) return;
   const std::string drive = stated.input_names.front();
   VerdictReason reason;
   reason.test = fmt::format(

@@ -25,7 +25,7 @@ constexpr double kHeldOutLimit = 15.0;                     // % of the signal
 constexpr double kNoiseLimit = 1.5;                        // times the stated noise
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
-constexpr double kNotSmall = 5.0;    // % of the signal
+constexpr double kNotSmall = 5.0;                          // % of the signal
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
@@ -306,6 +306,9 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   add_growth(list);
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);
+  VerdictReason sizes = sizes_hold_reason(diagnosis);
+  sizes.otherwise = Verdict::kAmbiguous;
+  list.push_back(std::move(sizes));
   // The first that fails decides, and this may say `ambiguous`.
   if (laws > 0.0) {
     list.push_back(

@@ -115,6 +115,8 @@ class PredictionData {
   // How far a velocity and a position of the free coordinates may be off at the start: their steps.
   [[nodiscard]] Eigen::Index shortest() const;  // samples, of the estimation recordings
   [[nodiscard]] bool has_validation() const;
+  // rms of the inputs where they are kept out, over that of the fit; the largest.
+  [[nodiscard]] double growth_of_inputs() const;
   // Whole windows of a horizon in the recordings of the fit.
   [[nodiscard]] Eigen::Index window_count(Eigen::Index horizon) const;
   // How far ahead a search begins: ten samples, or as many as leave ten windows, three at least.

@@ -155,8 +155,8 @@ void Predictor::place_laws(const LumpedModel& model) {
       if (steps > kMostSubsteps) {
         law.law = without_transition(part, *transition);
         law.is_set_valued = has_set_valued_ = true;
-      } else if (steps > substeps_) {
-        substeps_ = static_cast<int>(std::ceil(steps));
+      } else if (steps > substeps_.count) {
+        substeps_.count = static_cast<int>(std::ceil(steps));
       }
     }
     laws_.push_back(std::move(law));
@@ -242,11 +242,11 @@ void Predictor::follow(const Sensor& sensor, double before, double now) {
 
 void Predictor::allocate() {
   x_.setZero(states_);
-  k1_ = k2_ = k3_ = k4_ = trial_ = x_;
+  slopes_.k1 = slopes_.k2 = slopes_.k3 = slopes_.k4 = slopes_.trial = x_;
   q_.setZero(m_);
   v_ = a_ = force_ = q_;
   y_.setZero(output_count());
-  between_.setZero(static_cast<Index>(no_inputs_.size()), 3);
+  substeps_.inputs.setZero(static_cast<Index>(no_inputs_.size()), 3);
   kept_y_ = error_ = remembered_y_ = y_;
   remembered_x_ = x_;
   turned_.setOnes(output_count());
@@ -377,7 +377,7 @@ void Predictor::choose_friction(const double* inputs) {
     any_rests |= law.mode == Placed::Mode::kUndecided;
   }
   if (!any_rests) return;
-  rates(x_.data(), inputs, k1_.data());
+  rates(x_.data(), inputs, slopes_.k1.data());
   for (Placed& law : laws_) {
     if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
     law.pull = dot(law.in, a_);  // acceleration without this friction
@@ -412,7 +412,7 @@ void Predictor::break_away(double step, const double* inputs) {
   for (Placed& law : laws_) {
     if (law.mode == Placed::Mode::kHolds) law.mode = Placed::Mode::kUndecided;
   }
-  rates(x_.data(), inputs, k1_.data());
+  rates(x_.data(), inputs, slopes_.k1.data());
   for (Placed& law : laws_) {
     if (!law.is_set_valued || law.mode != Placed::Mode::kUndecided) continue;
     const double pull = dot(law.in, a_);
@@ -432,21 +432,22 @@ void Predictor::interpolate(const NodeInputs& drive, Index step, double share, I
              end = drive.nodes.col(3 * step + 2);
   const double by_start = (1.0 - share) * (1.0 - 2.0 * share),
                by_middle = 4.0 * share * (1.0 - share), by_end = share * (2.0 * share - 1.0);
-  between_.col(column) = by_start * start + by_middle * middle + by_end * end;
+  substeps_.inputs.col(column) = by_start * start + by_middle * middle + by_end * end;
 }
 
 void Predictor::step(const NodeInputs& drive, Index step) {
   if (linear_) return advance(step_, no_inputs_.data(), no_inputs_.data(), no_inputs_.data());
-  if (substeps_ == 1) {
+  if (substeps_.count == 1) {
     return advance(step_, drive.nodes.col(3 * step).data(), drive.nodes.col(3 * step + 1).data(),
                    drive.nodes.col(3 * step + 2).data());
   }
-  const double part = 1.0 / substeps_;
-  for (int s = 0; s < substeps_; ++s) {
+  const double part = 1.0 / substeps_.count;
+  for (int s = 0; s < substeps_.count; ++s) {
     for (Index node = 0; node < 3; ++node) {
       interpolate(drive, step, (s + 0.5 * static_cast<double>(node)) * part, node);
     }
-    advance(step_ * part, between_.col(0).data(), between_.col(1).data(), between_.col(2).data());
+    advance(step_ * part, substeps_.inputs.col(0).data(), substeps_.inputs.col(1).data(),
+            substeps_.inputs.col(2).data());
   }
 }
 
@@ -454,14 +455,14 @@ void Predictor::step(const NodeInputs& drive, Index step) {
 void Predictor::advance(double h, const double* at_start, const double* at_middle,
                         const double* at_end) {
   choose_friction(at_start);
-  rates(x_.data(), at_start, k1_.data());
-  trial_ = x_ + 0.5 * h * k1_;
-  rates(trial_.data(), at_middle, k2_.data());
-  trial_ = x_ + 0.5 * h * k2_;
-  rates(trial_.data(), at_middle, k3_.data());
-  trial_ = x_ + h * k3_;
-  rates(trial_.data(), at_end, k4_.data());
-  x_ += h / 6.0 * (k1_ + 2.0 * (k2_ + k3_) + k4_);
+  rates(x_.data(), at_start, slopes_.k1.data());
+  slopes_.trial = x_ + 0.5 * h * slopes_.k1;
+  rates(slopes_.trial.data(), at_middle, slopes_.k2.data());
+  slopes_.trial = x_ + 0.5 * h * slopes_.k2;
+  rates(slopes_.trial.data(), at_middle, slopes_.k3.data());
+  slopes_.trial = x_ + h * slopes_.k3;
+  rates(slopes_.trial.data(), at_end, slopes_.k4.data());
+  x_ += h / 6.0 * (slopes_.k1 + 2.0 * (slopes_.k2 + slopes_.k3) + slopes_.k4);
   settle_friction(h, at_end);
 }
 
@@ -490,7 +491,7 @@ void Predictor::sense(const double* inputs, std::vector<double>& followed) {
   if (needs_forces_) {
     spread(x_.data(), inputs);
     choose_friction(inputs);
-    rates(x_.data(), inputs, k1_.data());
+    rates(x_.data(), inputs, slopes_.k1.data());
   } else {
     spread(x_.data(), inputs);
   }

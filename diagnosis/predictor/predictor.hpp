@@ -168,8 +168,11 @@ class Predictor {
   void store_states(Eigen::Index sample, const double* inputs, Eigen::MatrixXd& states);
 
   double sample_time_, step_;
-  int steps_, substeps_ = 1;  // substeps of a step
-  Eigen::MatrixXd between_;   // inputs x (start, middle, end of a substep)
+  int steps_;
+  struct Substeps {
+    int count = 1;           // of a step
+    Eigen::MatrixXd inputs;  // inputs x (start, middle, end of a substep)
+  } substeps_;
   bool linear_ = false;  // for the gain
   Eigen::Index disturbance_state_ = -1;
   double disturbance_kept_ = 0.0;  // from one sample to the next
@@ -189,7 +192,10 @@ class Predictor {
   std::vector<std::vector<Sensor>> sensors_;  // by output
   std::vector<Late> late_;
 
-  Eigen::VectorXd x_, k1_, k2_, k3_, k4_, trial_;
+  struct Slopes {
+    Eigen::VectorXd k1, k2, k3, k4, trial;  // of the method of Runge and Kutta
+  } slopes_;
+  Eigen::VectorXd x_;
   Eigen::VectorXd q_, v_, a_, force_;  // of all coordinates
   Eigen::VectorXd y_, kept_y_, error_;
   Eigen::VectorXd remembered_x_, remembered_y_;  // where a forecast branches off

@@ -11,6 +11,7 @@
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
 #include "diagnosis/force_balance_data/measured_drive.hpp"
+#include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/load/load_mismatch_problem.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
@@ -283,6 +284,18 @@ DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& cam
   return answer;
 }
 
+// Whether a friction is as large as the largest force that ever acted: it would have held the
+// machine. At one level of drive and one speed it takes all, and nothing is left for an inertia.
+bool is_all_friction(const DiagnosisAnswer& answer) {
+  constexpr double kAll = 0.95;
+  const FittedPhysics physics = fit_physics(*answer.problem, answer.diagnosis.after);
+  return std::ranges::any_of(physics.quantities, [&](const PhysicalQuantity& quantity) {
+    return quantity.kind == QuantityKind::kFriction && quantity.law < physics.laws.size() &&
+           physics.laws[quantity.law].carried > 0.0 &&
+           quantity.value > kAll * physics.laws[quantity.law].carried;
+  });
+}
+
 // A second look that came to no end: what it would have found is not known.
 void tell_stopped(Diagnosis& diagnosis) {
   VerdictReason reason;
@@ -309,6 +322,7 @@ std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
     if (!diagnosis.channel_faults.empty()) return answer;
     was_stopped = diagnosis.interrupted;
     if (diagnosis.effects.empty()) return {};
+    if (is_all_friction(answer)) return {};
     const double short_of = shortfall_of(predicted.diagnosis);
     const bool may_be = is_of_a_machine(diagnosis) || !drive.channels.velocity.empty();
     if (predicted.diagnosis.verdict != Verdict::kUnknown) return answer;  // another asks more

@@ -599,6 +599,94 @@ TEST(PredictionHypotheses, AskAGainOnlyBesideAForceOrMassOfKnownSize) {
   }
 }
 
+// A motor that is switched on and off one way, and comes to rest in between: a rotor of 0.35 kg m^2
+// on a bearing of 0.9 N m s/rad with 30 N m of dry friction, and a tachometer of coarse counts.
+void write_switched_motor(const testing::TemporaryFolder& folder, unsigned seed, int samples) {
+  std::ofstream(folder.file("motor.yaml"))
+      << "format: graybox-lumped/1\nsample_time: 0.02\nmotion: rotation\nmasses: {axis: 0.5}\n"
+         "elements:\n  - {name: bearing, location: {kind: element, mass: axis}, law: viscous, "
+         "parameters: {damping: {value: 1.5, unit: N m s/rad}}}\ninputs:\n"
+         "  - {name: torque, mass: axis}\noutputs:\n"
+         "  - {name: speed, mass: axis, quantity: velocity}\n";
+  std::ofstream(folder.file("campaign.yaml"))
+      << "format: graybox-campaign/1\nsample_time: 0.02\nchannels:\n"
+         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
+         "hold: zero\nexperiments:\n  - {file: a.csv}\n  - {file: b.csv, role: validation}\n";
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> noise(0.0, 0.3);
+  constexpr double kInertia = 0.35, kDamping = 0.9, kLevel = 30.0, kCount = 1.05;
+  const std::vector<std::vector<double>> torques{{140, 0, 25, 60}, {100, 0, 20, 80}};
+  for (const bool first : {true, false}) {
+    std::ofstream out(folder.file(first ? "a.csv" : "b.csv"));
+    out << "torque,speed\n";
+    double speed = 0.0;
+    for (int k = 0; k < samples; ++k) {
+      const double torque = torques[first ? 0 : 1][static_cast<std::size_t>(4 * k / samples)];
+      out << torque << ',' << kCount * std::round((speed + noise(random)) / kCount) << '\n';
+      for (int step = 0; step < 20; ++step) {
+        if (speed == 0.0 && std::abs(torque) <= kLevel) continue;
+        const double next = speed + 0.001 * (torque - kDamping * speed - kLevel) / kInertia;
+        speed = next < 0.0 ? 0.0 : next;
+      }
+    }
+  }
+}
+
+// A spring at a shaft that turns on and on would wind up without end.
+TEST(PredictionHypotheses, AskForNoSpringAtAShaftThatTurnsOnAndOn) {
+  const testing::TemporaryFolder folder;
+  write_switched_motor(folder, 1, 120);
+  const LumpedModel model = load_lumped_model(folder.file("motor.yaml"));
+  const PredictionData data(model, read_campaign(folder.file("campaign.yaml")), 1);
+  const PredictionHypotheses list(model, data, {});
+  const auto springs_after = [&](double turns) {
+    MatrixXd motion(100, 2);
+    motion.col(0) = VectorXd::LinSpaced(100, 0.0, 2.0 * std::numbers::pi * turns);
+    motion.col(1) = VectorXd::LinSpaced(100, -1.0, 3.0);
+    return std::ranges::count(list.extensions(as_given(model, 10.0), motion), "stiffness",
+                              &LawExtension::law);
+  };
+  EXPECT_EQ(springs_after(5.0), 0);
+  EXPECT_EQ(springs_after(0.5), 1);
+}
+
+// Dry friction acts on such a motor as a constant force does, but where it rests; every machine
+// has friction.
+// N m of dry friction. Over short windows the weight leaves no more than noise.
+TEST(PredictionDiagnosis, TellsDryFrictionBesideAWeight) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("arm.yaml"),
+                      "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\n"
+                      "masses: {axis: 1}\nelements:\n  - {name: bearing, location: {kind: element, "
+                      "mass: axis}, law: viscous, parameters: {damping: {value: 0.01, unit: N m "
+                      "s/rad}}}\ninputs:\n  - {name: torque, mass: axis}\noutputs:\n"
+                      "  - {name: angle, mass: axis, quantity: position}\n");
+  testing::write_text(folder.file("campaign.yaml"),
+                      "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+                      "  - {name: torque, unit: N m, is: input}\n"
+                      "  - {name: angle, unit: rad, is: output}\nhold: zero\nexperiments:\n"
+                      "  - {file: a.csv}\n  - {file: b.csv, role: validation}\n");
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> noise(0.0, 1e-3);
+  for (const bool first : {true, false}) {
+    std::ofstream out(folder.file(first ? "a.csv" : "b.csv"));
+    out << "torque,angle\n";
+    double angle = first ? 1.2 : -0.9, speed = 0.0;
+    for (int k = 0; k < 800; ++k) {
+      out << "0," << angle + noise(random) << '\n';
+      for (int step = 0; step < 100; ++step) {
+        const double force = -20.0 * std::sin(angle) - 0.1 * speed - 0.6 * std::tanh(speed / 1e-3);
+        angle += 1e-4 * speed;
+        speed += 1e-4 * force;
+      }
+    }
+  }
+  const PredictionDiagnosis result = diagnose_by_prediction(
+      folder.file("arm.yaml"), read_campaign(folder.file("campaign.yaml")), {}, 1);
+  EXPECT_EQ(names_of(result), (std::vector<std::string>{"gravity at axis", "coulomb at axis"}));
+  EXPECT_NEAR(result.diagnosis.effects.back().law.parameters[0].value, 0.6, 0.03);
+}
+
 // A tachometer may read no sign; what counts steps knows its direction.
 TEST(PredictionHypotheses, AskForARectifierOnlyWhereASensorCanBeOne) {
   const testing::TemporaryFolder folder;
@@ -724,40 +812,8 @@ TEST(PredictionDiagnosis, ReadsLogsOfNinetySamplesAndKnowsTheirNoise) {
   }
 }
 
-// A motor that is switched on and off one way, and comes to rest in between: a rotor of 0.35 kg m^2
-// on a bearing of 0.9 N m s/rad with 30 N m of dry friction, and a tachometer of coarse counts.
-void write_switched_motor(const testing::TemporaryFolder& folder, unsigned seed, int samples) {
-  std::ofstream(folder.file("motor.yaml"))
-      << "format: graybox-lumped/1\nsample_time: 0.02\nmotion: rotation\nmasses: {axis: 0.5}\n"
-         "elements:\n  - {name: bearing, location: {kind: element, mass: axis}, law: viscous, "
-         "parameters: {damping: {value: 1.5, unit: N m s/rad}}}\ninputs:\n"
-         "  - {name: torque, mass: axis}\noutputs:\n"
-         "  - {name: speed, mass: axis, quantity: velocity}\n";
-  std::ofstream(folder.file("campaign.yaml"))
-      << "format: graybox-campaign/1\nsample_time: 0.02\nchannels:\n"
-         "  - {name: torque, unit: N m, is: input}\n  - {name: speed, unit: rad/s, is: output}\n"
-         "hold: zero\nexperiments:\n  - {file: a.csv}\n  - {file: b.csv, role: validation}\n";
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> noise(0.0, 0.3);
-  constexpr double kInertia = 0.35, kDamping = 0.9, kLevel = 30.0, kCount = 1.05;
-  const std::vector<std::vector<double>> torques{{140, 0, 25, 60}, {100, 0, 20, 80}};
-  for (const bool first : {true, false}) {
-    std::ofstream out(folder.file(first ? "a.csv" : "b.csv"));
-    out << "torque,speed\n";
-    double speed = 0.0;
-    for (int k = 0; k < samples; ++k) {
-      const double torque = torques[first ? 0 : 1][static_cast<std::size_t>(4 * k / samples)];
-      out << torque << ',' << kCount * std::round((speed + noise(random)) / kCount) << '\n';
-      for (int step = 0; step < 20; ++step) {
-        if (speed == 0.0 && std::abs(torque) <= kLevel) continue;
-        const double next = speed + 0.001 * (torque - kDamping * speed - kLevel) / kInertia;
-        speed = next < 0.0 ? 0.0 : next;
-      }
-    }
-  }
-}
-
-// Dry friction acts on it as a constant force does, but where it rests; every machine has friction.
+// Dry friction acts on such a motor as a constant force does, but where it rests. Every machine has
+// friction.
 TEST(PredictionDiagnosis, TellsDryFrictionOfAMotorThatTurnsOneWay) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     const testing::TemporaryFolder folder;
