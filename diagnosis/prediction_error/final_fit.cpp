@@ -652,7 +652,7 @@ void FinalFit::drop_idle_laws() {
           is_nothing ? -kMissed : hypotheses_->z_of_law(law.hypothesis, poorer.fit, found_.fit);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
-      if (hypotheses_->is_plain_force(law.hypothesis) && takes_most(poorer, z)) continue;
+      if (hypotheses_->is_dry_friction(law.hypothesis) && takes_most(poorer, z)) continue;
       if (is_needed_in_free_run(poorer)) continue;
       least = z;
       poorest = std::move(poorer);

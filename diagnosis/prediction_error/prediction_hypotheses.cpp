@@ -273,8 +273,8 @@ bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
   return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
 }
 
-bool PredictionHypotheses::is_plain_force(std::size_t hypothesis) const {
-  return is_plain(hypothesis) && locations_[hypothesis].kind == LocationKind::kElement;
+bool PredictionHypotheses::is_dry_friction(std::size_t hypothesis) const {
+  return hypotheses_[hypothesis].law == "coulomb";
 }
 
 bool PredictionHypotheses::is_late_channel(std::size_t hypothesis) const {

@@ -32,7 +32,7 @@ class PredictionHypotheses {
   // Friction, constant forces, weights, late channels: what many machines have. Others must gain
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
-  [[nodiscard]] bool is_plain_force(std::size_t hypothesis) const;  // one that acts on the motion
+  [[nodiscard]] bool is_dry_friction(std::size_t hypothesis) const;  // plain, of one level
   // A delay or a lag: it acts in the few moments in which something changes.
   [[nodiscard]] bool is_late_channel(std::size_t hypothesis) const;
   // z of a fit with this law over the one without it: z_as_given() of late channels, z_between() of

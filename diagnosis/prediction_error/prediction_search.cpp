@@ -313,7 +313,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
   const auto is_good = [&](const TriedLaw& law) {
     const bool is_told =
         law.z > options_.errors_of_gain ||
-        (hypotheses_->is_plain_force(law.hypothesis) && takes_most(law.gain, law.evidence, law.z));
+        (hypotheses_->is_dry_friction(law.hypothesis) && takes_most(law.gain, law.evidence, law.z));
     return law.is_possible() && is_told && law.gain > least_gain(law) &&
            law.evidence >= options_.least_evidence;
   };

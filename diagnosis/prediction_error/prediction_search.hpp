@@ -44,8 +44,8 @@ inline constexpr double kRareGain = 0.1;
 inline constexpr double kInnovationGain = 0.01, kInnovationErrors = 1.0,
                         kInnovationEvidence = 200.0;
 
-// Whether a law takes most of the cost, white residuals say so, too, and other blocks gain. A plain
-// law of which this is so needs no large z: it may act in few blocks only, as dry friction where the
+// Whether a law takes most of the cost, white residuals say so, too, and other blocks gain. Dry
+// friction of which this is so needs no large z: it may act in few blocks only, as where the
 // machine comes to rest. `gain` of the cost, `evidence` a chi-square.
 [[nodiscard]] inline bool takes_most(double gain, double evidence, double z) {
   constexpr double kMost = 0.5, kSure = 25.0, kGains = 1.0;
@@ -148,8 +148,8 @@ class PredictionSearch {
                                                       const PredictionFindings& ladder,
                                                       const ExtendedLumpedModel& without);
 
-  // Whole recordings in free run, from where a last fit of what the ladder found ended. Small forces
-  // add up there, and so does a disturbance: recordings kept out must confirm what is found.
+  // Whole recordings in free run, from where a last fit of what the ladder found ended. Small
+  // forces add up there, and so does a disturbance: recordings kept out must confirm what is found.
   [[nodiscard]] PredictionFindings search_whole(const LumpedModel& stated,
                                                 const PredictionFindings& ladder,
                                                 const ExtendedLumpedModel& from);

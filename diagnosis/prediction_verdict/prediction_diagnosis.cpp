@@ -370,10 +370,15 @@ double kept_out_of(const JudgedModel& model) {
   return relative_size(*model.held_out_error, model.held_out_scale);
 }
 
-// Whether whole recordings kept out are foretold with laws, and not well.
-bool leaves_much_kept_out(const JudgedModel& found) {
-  constexpr double kMuch = 0.05;  // of the signal
-  return found.horizon == 0 && found.held_out_error && kept_out_of(found) > kMuch;
+// Whether whole recordings kept out are foretold with laws, and not well. Long ones take minutes to
+// search, and have windows enough.
+bool leaves_much_kept_out(const JudgedModel& found, const PredictionData& data) {
+  constexpr double kMuch = 0.05;        // of the signal
+  constexpr Eigen::Index kLong = 4000;  // samples
+  Eigen::Index samples = 0;
+  for (const OutputErrorRecording& recording : data.recordings()) samples += recording.time.size();
+  return samples < kLong && found.horizon == 0 && found.held_out_error &&
+         kept_out_of(found) > kMuch;
 }
 
 // Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
@@ -387,7 +392,7 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
   const JudgedModel& found = without.found();
   const std::size_t laws = found.fit.model.laws.size();
   if (!found.fit.usable || ladder.stopped || ladder.has_free_run || !data.has_validation() ||
-      (laws > 0 && !leaves_much_kept_out(found))) {
+      (laws > 0 && !leaves_much_kept_out(found, data))) {
     return {};
   }
   PredictionSearch search(data, hypotheses, options);

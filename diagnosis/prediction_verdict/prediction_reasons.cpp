@@ -92,6 +92,8 @@ void add_determination(const Diagnosis& diagnosis, Verdict otherwise,
     if (flaw.excludes || !must_be_there(flaw)) continue;
     ++count;
     remedy = flaw.remedy;
+    // A force several times what ever acted is no explanation, however large its error.
+    if (flaw.rule == PlausibilityRule::kSize) otherwise = Verdict::kUnknown;
   }
   list.push_back(test("masses and springs that are not determined", static_cast<double>(count), 0.0,
                       count == 0, remedy, otherwise));
@@ -161,7 +163,7 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   }
 }
 
-// A model that leaves much of the motion of the fit itself is no good one, whatever laws were tried.
+// A model that leaves much of the motion of the fit is no good one, whatever laws were tried.
 void PredictionReasons::add_fitted(std::vector<VerdictReason>& list) const {
   constexpr double kTimes = 3.0;
   const JudgedModel& found = from_.final->found();

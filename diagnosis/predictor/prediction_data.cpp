@@ -485,16 +485,17 @@ PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const
 }
 
 double PredictionData::growth_of_inputs() const {
-  VectorXd squares[2], samples[2];
+  Eigen::VectorXd squares[2], samples[2];
   for (const OutputErrorRecording& recording : recordings()) {
     const int role = recording.role == ExperimentRole::kEstimation ? 0 : 1;
-    const VectorXd own = recording.inputs.colwise().squaredNorm().transpose();
-    if (squares[role].size() == 0) squares[role] = samples[role] = VectorXd::Zero(own.size());
+    const Eigen::VectorXd own = recording.inputs.colwise().squaredNorm().transpose();
+    if (squares[role].size() == 0)
+      squares[role] = samples[role] = Eigen::VectorXd::Zero(own.size());
     squares[role] += own;
     samples[role].array() += static_cast<double>(recording.inputs.rows());
   }
   double most = 0.0;
-  for (Index j = 0; j < std::min(squares[0].size(), squares[1].size()); ++j) {
+  for (Eigen::Index j = 0; j < std::min(squares[0].size(), squares[1].size()); ++j) {
     const double of_fit = squares[0](j) / samples[0](j), kept_out = squares[1](j) / samples[1](j);
     if (of_fit > 0.0) most = std::max(most, std::sqrt(kept_out / of_fit));
   }
