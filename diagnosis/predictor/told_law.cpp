@@ -58,6 +58,7 @@ bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law) {
   constexpr double kNearly = 0.999;
   const std::string& name = fit.model.model.parts[law.part].law_name;
   if (name != "lag" && name != "delay") return false;
+  if (fit.model.model.outputs.size() > 1) return false;
   const std::size_t time = fit.model.first_parameter(law.part);
   return fit.model.model.parameters[time].value > kNearly * fit.model.space[time].high;
 }
