@@ -343,7 +343,6 @@ std::vector<VerdictReason> reasons_for_nothing(const Diagnosis& diagnosis,
   }
   if (is_unknown && diagnosis.after.estimation.nrmse > options.channel_tolerance) {
     against.push_back(memory_reason(diagnosis, options));
-    append(channel_reasons(diagnosis, options), against);
   }
   if (diagnosis.kept_out_change) against.push_back(sizes_hold_reason(diagnosis));
   std::vector<VerdictReason> reasons;

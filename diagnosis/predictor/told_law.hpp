@@ -22,13 +22,13 @@ struct ToldSize {
 [[nodiscard]] bool has_loose_frequency(const PredictionFit& fit, const Eigen::VectorXd& deviations,
                                        const PlacedFinding& law);
 
-// Something that swings fewer than two times in the longest recording of the fit: what it takes may
-// be any slow change.
+// Something that swings fewer than two times in the longest recording of the fit. What it takes
+// may be any slow change.
 [[nodiscard]] bool swings_too_slowly(const PredictionFit& fit, const PlacedFinding& law,
                                      const PredictionData& data);
 
-// A signal that is as late as the search allows, where no second sensor tells what it is late
-// against: no sensor is, so something else is missing.
+// A signal that is as late as the search allows. Where no second sensor tells against what, something
+// else is missing.
 [[nodiscard]] bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law);
 
 // A wave longer than the way that was gone is none: it stands in for a constant or a spring.

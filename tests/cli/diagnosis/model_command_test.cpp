@@ -299,8 +299,8 @@ TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
       }());
   const auto undriven = graybox("model step.csv -o undriven");
   EXPECT_EQ(undriven.exit_code, 2);
-  EXPECT_NE(undriven.err.find("constant here: 'u'"), std::string::npos) << undriven.err;
-  EXPECT_NE(undriven.err.find("--no-drive"), std::string::npos) << undriven.err;
+  EXPECT_NE(undriven.out.find("constant here: 'u'"), std::string::npos) << undriven.out;
+  EXPECT_NE(undriven.out.find("--no-drive"), std::string::npos) << undriven.out;
   write_text(
       folder_.file("steps.csv"), "Timestamp,q,tau\n" + [] {
         std::string rows;

@@ -88,7 +88,7 @@ TEST(Predictor, DryFrictionSlidesWithTheRestOfTheForce) {
 // A transition that is seen is the law's curve, however coarse the samples: against the same
 // equation in steps that are far finer.
 TEST(Predictor, AWideTransitionIsResolvedBetweenCoarseSamples) {
-  for (const double width : {0.2, 0.5, 1.5}) {
+  for (const double width : {0.3, 0.5, 1.5}) {
     const LumpedModel model = mass_with(
         fmt::format("  - {{name: seal, location: {{kind: element, mass: cart}}, law: coulomb, "
                     "parameters: {{level: {{value: 200, unit: N}}, transition_velocity: {{value: "
