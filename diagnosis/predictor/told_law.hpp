@@ -27,8 +27,8 @@ struct ToldSize {
 [[nodiscard]] bool swings_too_slowly(const PredictionFit& fit, const PlacedFinding& law,
                                      const PredictionData& data);
 
-// A signal that is as late as the search allows. Where no second sensor tells against what, something
-// else is missing.
+// A signal that is as late as the search allows. Where no second sensor tells against what,
+// something else is missing.
 [[nodiscard]] bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law);
 
 // A wave longer than the way that was gone is none: it stands in for a constant or a spring.

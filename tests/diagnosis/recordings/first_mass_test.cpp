@@ -178,21 +178,6 @@ TEST(FirstMass, FollowsTheUnitOfTheForce) {
 
 // ---- what is kept out ---------------------------------------------------------------------------
 
-// A fit that begins a thousand times beside the truth is at a bound before it has begun.
-TEST(FirstMass, WhereNothingIsToldTheStartHasTheScalesOfTheLog) {
-  OneMassLog log;
-  log.is_velocity = true;
-  log.sample_time = 0.02;
-  log.force = Eigen::VectorXd::Constant(200, 9.0);
-  log.motion = Eigen::VectorXd::Constant(200, 11.0);
-  const OneMassStart start = start_one_mass(log);
-  ASSERT_EQ(start.told, OneMassTold::kNothing);
-  EXPECT_NEAR(start.damping, 9.0 / 11.0, 0.01);
-  EXPECT_NEAR(start.inertia, 10 * 0.02 * 9.0 / 11.0, 0.01);
-  log.force *= 1000.0;
-  EXPECT_NEAR(start_one_mass(log).inertia / start.inertia, 1000.0, 1e-6);
-}
-
 TEST(KeptOutBlocks, HalvesThatAreAlikeStay) {
   const MassRun machine = run_of(kDry);
   const KeptOutBlocks split = kept_out_blocks(machine.force, machine.position, false);
