@@ -57,7 +57,7 @@ struct LogRecording {
   // "log.csv", or "log.csv, rows 501 to 900".
   [[nodiscard]] std::string label() const;
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
-  // Of a sample, in the files.
+  // The row of a sample in the files.
   [[nodiscard]] Eigen::Index file_row(Eigen::Index sample) const {
     return rows.empty() ? first_row + sample : rows[static_cast<std::size_t>(sample)];
   }

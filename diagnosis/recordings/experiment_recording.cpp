@@ -198,8 +198,8 @@ void thin(const Experiment& experiment, SignalPiece& piece) {
   piece.values = piece.values(rows, Eigen::all).eval();
 }
 
-// Of an irregular recording: rows without a time tell nothing, and rows that a logger wrote again
-// within a burst are no samples of their own. Their number.
+// Leaves out rows without a time, which tell nothing, and rows that a logger wrote again within a
+// burst, which are no samples of their own. Gives their number.
 Index leave_out_rows(const TimeColumn& time, SignalPiece& piece) {
   const std::vector<Index> kept = rows_of_samples(piece.time, time.burst);
   const Index left_out = piece.time.size() - static_cast<Index>(kept.size());

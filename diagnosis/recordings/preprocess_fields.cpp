@@ -196,7 +196,7 @@ Integral integral_in(const YamlField& field, ChannelNames& names) {
   return step;
 }
 
-// Of a channel that is computed.
+// The base unit that a computed channel states.
 std::string base_unit_in(const YamlField& field) {
   const Unit* unit = find_unit(field.text());
   if (unit == nullptr || unit->name != unit->base) {

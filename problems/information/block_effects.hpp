@@ -1,6 +1,6 @@
 // Blocks with effects of their own: days, batches of material, set-ups, operators.
 //
-// The same experiment gives another offset on another day. With block b the model of candidate i is
+// Each block of experiments has effects beta_b of its own. With block b the model of candidate i is
 //
 //   y = f_i(theta) + K_i beta_b + noise,       J = [ df_i/dtheta, 0, .., K_i, .., 0 ],
 //
