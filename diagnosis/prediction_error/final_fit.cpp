@@ -33,6 +33,7 @@ constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs 
 constexpr double kMissed = 2.5;      // z of a law that stays
 constexpr double kMissedNearby = 3.0;
 constexpr double kDisturbed = 0.05;    // of the signal
+constexpr double kStands = 3.0;        // noises, of what is kept out
 constexpr double kToldFromNone = 2.5;  // standard errors of a law's size
 
 }  // namespace
@@ -60,7 +61,7 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   if (!found_.fit.usable) return;  // its motion leaves all bounds at this horizon
   as_given_ = judged_from_both(findings.as_given);
   // Laws that only made up for another valley.
-  if (as_given_.fit.usable && as_given_.fit.cost <= found_.fit.cost) found_ = as_given_;
+  if (as_given_.fit.usable && as_given_.fit.cost <= found_.fit.cost) fit_again_or_drop_laws();
   drop_idle_laws();
   if (take_better_places()) drop_idle_laws();
   if (take_plainer_laws()) drop_idle_laws();
@@ -80,6 +81,22 @@ FinalFit::FinalFit(const PredictionData& data, const PredictionHypotheses& hypot
   judge_held_out(found_);
   rest_.emplace(data, findings, found_.fit.model, threads);
   judge_held_out(as_given_);
+}
+
+// A model with laws contains the one as given: where its fit ended worse, it is fitted again from
+// there, and over longer and longer windows. Laws that still gain nothing only made up for another
+// valley.
+void FinalFit::fit_again_or_drop_laws() {
+  const std::vector<double> given = as_given_.fit.model.values();
+  std::vector<double> values = found_.fit.model.values();
+  std::copy_n(given.begin(), found_.fit.model.own_parameters(), values.begin());
+  JudgedModel best = as_given_;
+  for (const ExtendedLumpedModel& start :
+       {with_values(found_.fit.model, values), climbed(found_.fit.model)}) {
+    JudgedModel again = judged(start, kManyIterations);
+    if (again.fit.usable && again.fit.cost < best.fit.cost) best = std::move(again);
+  }
+  found_ = std::move(best);
 }
 
 void FinalFit::fit_as_judged() {
@@ -329,46 +346,13 @@ PredictionFit FinalFit::fitted_at(const PredictionTask& task) const {
 // By the fit's windows; where it runs free by shorter ones, since there what a parameter did early
 // is still felt late.
 std::vector<LawTrend> FinalFit::trends() const {
-  std::vector<LawTrend> trends;
   std::optional<PredictionTask> task = task_;
   if (task_.is_free()) task = another_horizon();
-  if (!task || found_.fit.model.laws.empty()) return trends;
+  if (!task || found_.fit.model.laws.empty()) return {};
   const PredictionFit fit = task_.is_free() ? fitted_at(*task) : found_.fit;
-  if (!fit.usable) return trends;
-  const ParameterTrends along(*task, data_->output_count(), fit);
-  const MatrixXd motion = fitter(*task).motion(fit);
-  const bool measures_position = fit.model.model.position_output.cwiseAbs().maxCoeff() > 0.0;
-  for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
-    const PlacedFinding& law = fit.model.laws[l];
-    const Location& place = fit.model.model.parts[law.part].location;
-    std::vector<TrendCovariate> covariates{{LawTrend::On::kTime, along.time()}};
-    if (place.kind == LocationKind::kElement) {
-      const Index coordinates = motion.cols() / 2;
-      if (measures_position) {
-        append_position_covariates(motion.leftCols(coordinates) * place.input, covariates);
-      }
-      append_rate_covariates(motion.rightCols(coordinates) * place.input, covariates);
-    }
-    const std::size_t first = fit.model.first_parameter(law.part);
-    const std::size_t count = fit.model.model.parts[law.part].parameters.size();
-    const Hypothesis& hypothesis = hypotheses_->hypotheses()[law.hypothesis];
-    const std::string law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
-    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, law_at};
-    for (std::size_t i = 0; i < fit.free.size(); ++i) {
-      if (fit.free[i] < first || fit.free[i] >= first + count) continue;
-      const ParameterSpace& space = fit.model.space[fit.free[i]];
-      const double value = fit.model.model.parameters[fit.free[i]].value;
-      const double unit = space.logarithmic ? std::abs(value) : space.scale;
-      for (const TrendCovariate& with : covariates) {
-        const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
-        if (std::abs(trend.z) <= std::abs(most.z)) continue;
-        const double half = 0.5 * unit * trend.slope;
-        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at};
-      }
-    }
-    trends.push_back(most);
-  }
-  return trends;
+  if (!fit.usable) return {};
+  return law_trends(*task, data_->output_count(), fit, fitter(*task).motion(fit),
+                    hypotheses_->hypotheses());
 }
 
 VectorXd FinalFit::with_disagreement(VectorXd deviations) const {
@@ -441,6 +425,11 @@ void FinalFit::judge_held_out(JudgedModel& model) const {
     samples += static_cast<double>(outputs.rows());
   }
   model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
+  // What stands still has no signal of its own.
+  const VectorXd &noise = data_->noise(), &scale = data_->output_scale();
+  for (Index j = 0; j < scale.size(); ++j) {
+    if (model.held_out_scale(j) < kStands * noise(j)) model.held_out_scale(j) = scale(j);
+  }
 }
 
 JudgedModel FinalFit::fitted_to_kept_out() const {
@@ -579,11 +568,20 @@ bool FinalFit::drop_undetermined_law() {
                          !is_longer_than_the_way(fit, law, motion());
     if (!size.is_free || is_told) continue;
     JudgedModel without = judged(without_part(fit.model, law.part), kIterations);
-    if (!without.fit.usable) continue;
+    if (!without.fit.usable || is_surely_there(law, without)) continue;
     found_ = std::move(without);
     return true;
   }
   return false;
+}
+
+// Friction at one speed and one standstill has a least size and hardly a largest: its error says
+// that its size is not told, and the fit without it that it is there.
+bool FinalFit::is_surely_there(const PlacedFinding& law, const JudgedModel& without) const {
+  constexpr double kNearlyAll = 0.9, kSure = 100.0;  // of the cost, chi-square
+  return hypotheses_->acts_in_moments(law.hypothesis) &&
+         1.0 - found_.fit.cost / without.fit.cost > kNearlyAll &&
+         white_evidence(task_, without.fit, found_.fit) > kSure;
 }
 
 // What few machines have must predict, too.
@@ -647,12 +645,13 @@ void FinalFit::drop_idle_laws() {
       JudgedModel poorer = refitted_without(law);
       if (!poorer.fit.usable) continue;
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
-                              !is_told(found_.fit, law) || raises_held_out(law, poorer, found_);
+                              (!is_told(found_.fit, law) && !is_surely_there(law, poorer)) ||
+                              raises_held_out(law, poorer, found_);
       const double z =
           is_nothing ? -kMissed : hypotheses_->z_of_law(law.hypothesis, poorer.fit, found_.fit);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
-      if (hypotheses_->is_dry_friction(law.hypothesis) && takes_most(poorer, z)) continue;
+      if (hypotheses_->acts_in_moments(law.hypothesis) && takes_most(poorer, z)) continue;
       if (is_needed_in_free_run(poorer)) continue;
       least = z;
       poorest = std::move(poorer);

@@ -103,6 +103,7 @@ class FinalFit {
   [[nodiscard]] bool is_thinned() const;
   void climb_again();
   void fit_as_judged();
+  void fit_again_or_drop_laws();
   void fit_innovations();
   void fit_beside_disturbance();
   // A fit whose filter follows a disturbance.
@@ -140,6 +141,7 @@ class FinalFit {
   [[nodiscard]] bool takes_most(const JudgedModel& without, double z) const;
   [[nodiscard]] bool runs_true() const;
   [[nodiscard]] bool is_needed_in_free_run(const JudgedModel& without) const;
+  [[nodiscard]] bool is_surely_there(const PlacedFinding& law, const JudgedModel& without) const;
   [[nodiscard]] bool is_borne_out(const JudgedModel& without) const;
   [[nodiscard]] double least_z() const;
   bool take_better_places();

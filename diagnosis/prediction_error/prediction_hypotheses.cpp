@@ -273,8 +273,8 @@ bool PredictionHypotheses::is_plain(std::size_t hypothesis) const {
   return complexity_of(hypotheses_[hypothesis].law, locations_[hypothesis].kind) == 0;
 }
 
-bool PredictionHypotheses::is_dry_friction(std::size_t hypothesis) const {
-  return hypotheses_[hypothesis].law == "coulomb";
+bool PredictionHypotheses::acts_in_moments(std::size_t hypothesis) const {
+  return hypotheses_[hypothesis].law == "coulomb" || is_late_channel(hypothesis);
 }
 
 bool PredictionHypotheses::is_late_channel(std::size_t hypothesis) const {

@@ -32,9 +32,11 @@ class PredictionHypotheses {
   // Friction, constant forces, weights, late channels: what many machines have. Others must gain
   // more (prediction_search.hpp).
   [[nodiscard]] bool is_plain(std::size_t hypothesis) const;
-  [[nodiscard]] bool is_dry_friction(std::size_t hypothesis) const;  // plain, of one level
-  // A delay or a lag: it acts in the few moments in which something changes.
+  // A delay or a lag.
   [[nodiscard]] bool is_late_channel(std::size_t hypothesis) const;
+  // One that acts in the few moments in which something changes: a late channel, or dry friction,
+  // where the motion stops or turns.
+  [[nodiscard]] bool acts_in_moments(std::size_t hypothesis) const;
   // z of a fit with this law over the one without it: z_as_given() of late channels, z_between() of
   // others.
   [[nodiscard]] double z_of_law(std::size_t hypothesis, const PredictionFit& poorer,
@@ -80,7 +82,7 @@ class PredictionHypotheses {
   std::vector<double> input_peaks_, input_scales_;
   bool rotates_ = false;
   bool measures_position_ = false;  // some output is a position
-  bool has_known_scale_ = false;  // some parameter of the model is stated as known
+  bool has_known_scale_ = false;    // some parameter of the model is stated as known
 };
 
 }  // namespace graybox

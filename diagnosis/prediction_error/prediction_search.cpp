@@ -59,6 +59,13 @@ bool pushes_away(const PredictionFit& fit) {
   return b.dot(model.stiffness * b) < 0.0;
 }
 
+// Whether the law added last is dry friction whose transition is fitted, too.
+bool is_gradual_friction(const ExtendedLumpedModel& model) {
+  const std::size_t part = model.laws.back().part;
+  return model.model.parts[part].law_name == "coulomb" &&
+         !model.model.parameters[model.first_parameter(part) + 1].fixed;
+}
+
 bool swings(const LawExtension& law) { return law.law == "mode" || law.law == "resonance"; }
 
 // Hypotheses of the laws, sorted.
@@ -313,14 +320,16 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
   const auto is_good = [&](const TriedLaw& law) {
     const bool is_told =
         law.z > options_.errors_of_gain ||
-        (hypotheses_->is_dry_friction(law.hypothesis) && takes_most(law.gain, law.evidence, law.z));
+        (hypotheses_->acts_in_moments(law.hypothesis) && takes_most(law.gain, law.evidence, law.z));
     return law.is_possible() && is_told && law.gain > least_gain(law) &&
            law.evidence >= options_.least_evidence;
   };
-  // In motion one way a constant force is as good as dry friction, which every machine has.
+  // In motion one way a constant force is as good as dry friction, which every machine has; and dry
+  // friction with a transition as wide as the motion is viscous friction.
   const auto complexity = [&](const TriedLaw& law) {
     const auto own = std::ranges::find(extensions, law.hypothesis, &LawExtension::hypothesis);
-    return 2 * own->complexity + (own->law == "offset" ? 1 : 0);
+    const int within = own->law == "offset" ? 2 : is_gradual_friction(law.fit.model) ? 1 : 0;
+    return 3 * own->complexity + within;
   };
   std::size_t taken = tried.size();
   std::size_t best = tried.size();
@@ -330,9 +339,12 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
       taken = best = i;
       continue;
     }
-    const bool is_equal = z_between(tried[i].fit, tried[best].fit) < options_.equal_errors &&
-                          tried[i].fit.cost - tried[best].fit.cost <
-                              (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
+    const bool gains_as_much =
+        tried[i].fit.cost - tried[best].fit.cost <
+        (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
+    const bool is_equal =
+        gains_as_much && (is_gradual_friction(tried[best].fit.model) ||
+                          z_between(tried[i].fit, tried[best].fit) < options_.equal_errors);
     if (is_equal && complexity(tried[i]) < complexity(tried[taken])) taken = i;
   }
   return taken;

@@ -45,8 +45,8 @@ inline constexpr double kInnovationGain = 0.01, kInnovationErrors = 1.0,
                         kInnovationEvidence = 200.0;
 
 // Whether a law takes most of the cost, white residuals say so, too, and other blocks gain. Dry
-// friction of which this is so needs no large z: it may act in few blocks only, as where the
-// machine comes to rest. `gain` of the cost, `evidence` a chi-square.
+// friction and late channels need no large z then: they may act in few blocks only, as where the
+// machine comes to rest, or its drive steps. `gain` of the cost, `evidence` a chi-square.
 [[nodiscard]] inline bool takes_most(double gain, double evidence, double z) {
   constexpr double kMost = 0.5, kSure = 25.0, kGains = 1.0;
   return gain > kMost && evidence > kSure && z > kGains;

@@ -344,6 +344,25 @@ std::optional<OtherLook> look_nearer(const LumpedModel& stated, const Prediction
   return look;
 }
 
+// Where nothing was kept out: whether forces that many machines have foretell the whole recordings
+// very well, each with its part in that, and the model as given does not.
+bool is_plainly_better(const FinalFit& final, const PredictionHypotheses& hypotheses,
+                       const PredictionData& data) {
+  constexpr double kVeryWell = 0.15;          // of the signal
+  constexpr double kHalf = 0.5, kPart = 0.7;  // of the error
+  const JudgedModel& found = final.found();
+  const double left = relative_size(found.error, data.output_scale());
+  if (found.horizon != 0 || left > kVeryWell) return false;
+  if (left > kHalf * relative_size(final.as_given().error, data.output_scale())) return false;
+  for (std::size_t l = 0; l < found.fit.model.laws.size(); ++l) {
+    if (!hypotheses.is_plain(found.fit.model.laws[l].hypothesis)) return false;
+    const JudgedModel without = final.without(l);
+    if (without.fit.usable && left > kPart * relative_size(without.error, data.output_scale()))
+      return false;
+  }
+  return true;
+}
+
 // Whether recordings kept out are foretold well, twice as well as by the model as given, and each
 // law has its part in that.
 bool is_confirmed(const FinalFit& final) {
@@ -381,32 +400,48 @@ bool leaves_much_kept_out(const JudgedModel& found, const PredictionData& data) 
          kept_out_of(found) > kMuch;
 }
 
-// Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
-// or where its laws leave much of recordings kept out. These must confirm what is found: short
-// windows show no friction beside a weight, and take it for damping.
-std::optional<OtherLook> look_farther(const LumpedModel& stated, const PredictionData& data,
-                                      const PredictionHypotheses& hypotheses,
-                                      const PredictionSearchOptions& options,
-                                      PredictionFindings& ladder, const FinalFit& without) {
+// What is left of the recordings by which laws are judged, of their signal.
+double left_by(const JudgedModel& model, const PredictionData& data) {
+  return data.has_validation() ? kept_out_of(model)
+                               : relative_size(model.error, data.output_scale());
+}
+
+// A search over whole recordings from this model. Recordings kept out must confirm what is found.
+std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const LumpedModel& stated,
+                                   const PredictionData& data,
+                                   const PredictionHypotheses& hypotheses,
+                                   const PredictionSearchOptions& options,
+                                   PredictionFindings& ladder, const JudgedModel& found) {
   constexpr double kHalf = 0.5;
-  const JudgedModel& found = without.found();
   const std::size_t laws = found.fit.model.laws.size();
-  if (!found.fit.usable || ladder.stopped || ladder.has_free_run || !data.has_validation() ||
-      (laws > 0 && !leaves_much_kept_out(found, data))) {
-    return {};
-  }
   PredictionSearch search(data, hypotheses, options);
   OtherLook look;
-  look.findings =
-      std::make_unique<PredictionFindings>(search.search_whole(stated, ladder, found.fit.model));
+  look.findings = std::make_unique<PredictionFindings>(search.search_whole(stated, ladder, start));
   ladder.stopped = look.findings->stopped;
   if (look.findings->laws.empty() || ladder.stopped) return {};
   look.final = std::make_unique<FinalFit>(data, hypotheses, *look.findings, options.threads);
   const JudgedModel& farther = look.final->found();
-  if (!farther.fit.usable || farther.fit.model.laws.size() <= laws || !is_confirmed(*look.final))
-    return {};
-  if (laws > 0 && !(kept_out_of(farther) < kHalf * kept_out_of(found))) return {};
+  if (!farther.fit.usable || farther.fit.model.laws.size() <= laws) return {};
+  const bool holds = data.has_validation() ? is_confirmed(*look.final)
+                                           : is_plainly_better(*look.final, hypotheses, data);
+  if (!holds || (laws > 0 && !(left_by(farther, data) < kHalf * left_by(found, data)))) return {};
   return look;
+}
+
+// Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
+// or where its laws leave much of recordings kept out: short windows show no friction beside a
+// weight, and take it for damping.
+std::optional<OtherLook> look_farther(const LumpedModel& stated, const PredictionData& data,
+                                      const PredictionHypotheses& hypotheses,
+                                      const PredictionSearchOptions& options,
+                                      PredictionFindings& ladder, const FinalFit& without) {
+  const JudgedModel& found = without.found();
+  const std::size_t laws = found.fit.model.laws.size();
+  if (!found.fit.usable || ladder.stopped || ladder.has_free_run ||
+      (laws > 0 && !leaves_much_kept_out(found, data))) {
+    return {};
+  }
+  return look_from(found.fit.model, stated, data, hypotheses, options, ladder, found);
 }
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {

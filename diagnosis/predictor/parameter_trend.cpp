@@ -1,10 +1,9 @@
 #include "diagnosis/predictor/parameter_trend.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/QR>
 #include <cmath>
-#include <vector>
-
-#include "diagnosis/hypotheses/law_trend.hpp"
 
 namespace graybox {
 namespace {
@@ -59,6 +58,54 @@ ParameterTrend ParameterTrends::with(const VectorXd& covariate, Index column) co
   }
   if (!(variance > 0.0)) return {};
   return {slope, slope * square / std::sqrt(variance)};
+}
+
+namespace {
+
+std::vector<TrendCovariate> covariates_at(const Location& place, const MatrixXd& motion,
+                                          bool measures_position, const VectorXd& time) {
+  std::vector<TrendCovariate> covariates{{LawTrend::On::kTime, time}};
+  if (place.kind != LocationKind::kElement) return covariates;
+  const Index coordinates = motion.cols() / 2;
+  if (measures_position) {
+    append_position_covariates(motion.leftCols(coordinates) * place.input, covariates);
+  }
+  append_rate_covariates(motion.rightCols(coordinates) * place.input, covariates);
+  return covariates;
+}
+
+}  // namespace
+
+std::vector<LawTrend> law_trends(const PredictionTask& task, Index outputs,
+                                 const PredictionFit& fit, const MatrixXd& motion,
+                                 std::span<const Hypothesis> hypotheses) {
+  const ParameterTrends along(task, outputs, fit);
+  const bool measures_position = fit.model.model.position_output.cwiseAbs().maxCoeff() > 0.0;
+  std::vector<LawTrend> trends;
+  for (std::size_t l = 0; l < fit.model.laws.size(); ++l) {
+    const PlacedFinding& law = fit.model.laws[l];
+    const Element& part = fit.model.model.parts[law.part];
+    const std::vector<TrendCovariate> covariates =
+        covariates_at(part.location, motion, measures_position, along.time());
+    const std::size_t first = fit.model.first_parameter(law.part);
+    const Hypothesis& hypothesis = hypotheses[law.hypothesis];
+    const std::string law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, law_at};
+    for (std::size_t i = 0; i < fit.free.size(); ++i) {
+      if (fit.free[i] < first || fit.free[i] >= first + part.parameters.size()) continue;
+      const ParameterSpace& space = fit.model.space[fit.free[i]];
+      const double value = fit.model.model.parameters[fit.free[i]].value;
+      const double unit = space.logarithmic ? std::abs(value) : space.scale;
+      for (const TrendCovariate& with : covariates) {
+        const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
+        if (std::abs(trend.z) <= std::abs(most.z)) continue;
+        const double half = 0.5 * unit * trend.slope;
+        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at};
+      }
+    }
+    trends.push_back(most);
+  }
+  return trends;
 }
 
 }  // namespace graybox

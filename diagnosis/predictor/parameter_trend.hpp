@@ -12,6 +12,11 @@
 // covariate.
 #pragma once
 
+#include <span>
+#include <vector>
+
+#include "diagnosis/hypotheses/law_trend.hpp"
+#include "diagnosis/hypotheses/mismatch_problem.hpp"
 #include "diagnosis/predictor/prediction_fit.hpp"
 
 namespace graybox {
@@ -37,5 +42,13 @@ class ParameterTrends {
   const PredictionFit* fit_;
   Eigen::MatrixXd basis_;  // of the Jacobian's columns
 };
+
+// Of each law the parameter that changes most, by z: with time, and at a place of the machine with
+// position and speed. `motion`: samples x (positions, velocities). Positions count where one is
+// measured.
+[[nodiscard]] std::vector<LawTrend> law_trends(const PredictionTask& task, Eigen::Index outputs,
+                                               const PredictionFit& fit,
+                                               const Eigen::MatrixXd& motion,
+                                               std::span<const Hypothesis> hypotheses);
 
 }  // namespace graybox

@@ -16,8 +16,9 @@ namespace {
 using Eigen::Index;
 
 constexpr Index kFewestSeen = 20, kMostSeen = 100;  // before the first forecast
-constexpr Index kFewestCounted = 10;                // windows
-constexpr double kLeastNoise = 1e-7;                // of an output's scale
+constexpr Index kSeenOfShort = 4;      // of a short recording, which begins with a step
+constexpr Index kFewestCounted = 10;   // windows
+constexpr double kLeastNoise = 1e-7;   // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
 constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
@@ -35,8 +36,8 @@ void mark_standing(const std::vector<std::uint8_t>& standing, PredictionRun& run
 }
 
 Index seen_before(Index horizon, Index samples) {
-  return std::max(std::clamp(horizon / 3, kFewestSeen, kMostSeen),
-                  std::min(kMostSeen, samples / 10));
+  const Index fewest = std::clamp(samples / 10, kSeenOfShort, kFewestSeen);
+  return std::max(std::clamp(horizon / 3, fewest, kMostSeen), std::min(kMostSeen, samples / 10));
 }
 
 // Largest slope of a stated law's force over the deflection within +-`reach`, at rest.

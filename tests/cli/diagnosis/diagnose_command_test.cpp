@@ -300,6 +300,25 @@ TEST_F(Diagnose, TellsARealJointsWeightAndARealEncodersSign) {
   EXPECT_EQ(faults[0]["channels"], Json::array({"load_angle"}));
 }
 
+// Two masses and a flexible coupling, as recorded: friction at both bearings is plain viscous, and
+// no dry friction with a transition as wide as the motion takes its place.
+TEST_F(Diagnose, PredictsTwoRealMassesWithinAThird) {
+  if (std::getenv("GRAYBOX_RECORDINGS") == nullptr) {
+    GTEST_SKIP() << "GRAYBOX_RECORDINGS is not set: no real recordings";
+  }
+  const std::string folder = std::string(GRAYBOX_SOURCE_DIR) + "/diagnosis/";
+  const Json found = Json::parse(graybox("diagnose " + folder + "models/two_masses.yaml " + folder +
+                                         "campaigns/two_masses.yaml --json")
+                                     .out);
+  std::set<std::string> laws;
+  for (const Json& effect : found["physics"]) {
+    laws.insert(effect["law"].get<std::string>() + " at " + effect["place"].get<std::string>());
+  }
+  EXPECT_EQ(laws.count("viscous at load"), 1U) << found["words"];
+  EXPECT_EQ(laws.count("viscous at motor"), 1U) << found["words"];
+  EXPECT_LT(found["fit"]["after"]["validation"]["nrmse"].get<double>(), 33.0);
+}
+
 // An axis whose friction takes nearly all of the torque, and a disturbance: a short motion is best
 // forecast without the torque, so that a prediction says nothing about friction.
 void record_slow_axis(const std::string& file, unsigned seed) {
