@@ -584,15 +584,12 @@ bool FinalFit::is_surely_there(const PlacedFinding& law, const JudgedModel& with
          white_evidence(task_, without.fit, found_.fit) > kSure;
 }
 
-// What few machines have must predict, too.
-bool FinalFit::raises_held_out(const PlacedFinding& law, const JudgedModel& without,
-                               const JudgedModel& with) const {
-  constexpr double kRaised = 1.05;
-  if (hypotheses_->is_plain(law.hypothesis)) return false;
+bool FinalFit::raises_held_out(const JudgedModel& without, const JudgedModel& with,
+                               double least) const {
   const auto after = law_held_out(with), before = law_held_out(without);
   if (!after || !before) return false;
   const VectorXd& scale = data_->output_scale();
-  return relative_size(after->error, scale) > kRaised * relative_size(before->error, scale);
+  return relative_size(after->error, scale) > least * relative_size(before->error, scale);
 }
 
 // A long run may say nothing of a law that shows in short ones.
@@ -644,14 +641,18 @@ void FinalFit::drop_idle_laws() {
     for (const PlacedFinding& law : found_.fit.model.laws) {
       JudgedModel poorer = refitted_without(law);
       if (!poorer.fit.usable) continue;
+      const bool is_plain = hypotheses_->is_plain(law.hypothesis);  // others must predict, too
       const bool is_nothing = is_worth_nothing(law.hypothesis, poorer) ||
                               (!is_told(found_.fit, law) && !is_surely_there(law, poorer)) ||
-                              raises_held_out(law, poorer, found_);
+                              (!is_plain && raises_held_out(poorer, found_));
       const double z =
           is_nothing ? -kMissed : hypotheses_->z_of_law(law.hypothesis, poorer.fit, found_.fit);
       const bool may_be_hidden = task_.is_free() && !findings_->has_free_run;
       if (z >= least || (may_be_hidden && missed_nearby(law) >= kMissedNearby)) continue;
-      if (hypotheses_->acts_in_moments(law.hypothesis) && takes_most(poorer, z)) continue;
+      if (hypotheses_->acts_in_moments(law.hypothesis) && takes_most(poorer, z) &&
+          !raises_held_out(poorer, found_, 1.0)) {
+        continue;
+      }
       if (is_needed_in_free_run(poorer)) continue;
       least = z;
       poorest = std::move(poorer);
@@ -841,7 +842,7 @@ void FinalFit::add_short_ripples() {
     std::optional<ExtendedLumpedModel> with = with_ripple(*force);
     if (!with) return;
     JudgedModel richer = judged(*with, kIterations);
-    if (!richer.fit.usable || raises_held_out(richer.fit.model.laws.back(), found_, richer)) return;
+    if (!richer.fit.usable || raises_held_out(found_, richer)) return;
     found_ = std::move(richer);
   }
 }

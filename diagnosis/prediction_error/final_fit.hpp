@@ -128,8 +128,8 @@ class FinalFit {
   void drop_idle_laws();
   // Whether a law went whose sizes, or whose frequency, the recordings do not tell.
   [[nodiscard]] bool drop_undetermined_law();
-  [[nodiscard]] bool raises_held_out(const PlacedFinding& law, const JudgedModel& without,
-                                     const JudgedModel& with) const;
+  [[nodiscard]] bool raises_held_out(const JudgedModel& without, const JudgedModel& with,
+                                     double least = 1.05) const;  // times the error
   [[nodiscard]] PredictionTask held_out_task(const PredictionTask& task) const;
   [[nodiscard]] bool is_told(const PredictionFit& fit, const PlacedFinding& law) const;
   void fit_where_laws_are_told();
