@@ -960,6 +960,14 @@ JudgedModel FinalFit::with_law(const JudgedModel& poorer, std::size_t hypothesis
   return best_of_starts(poorer.fit.model, hypothesis, {});
 }
 
+JudgedModel FinalFit::beside(std::size_t hypothesis) const {
+  JudgedModel richer = with_law(found_, hypothesis);
+  if (richer.fit.usable) {
+    richer.deviations = deviations_of(fitter(task_).with_steady_slopes(richer.fit, weights_));
+  }
+  return richer;
+}
+
 JudgedModel FinalFit::in_place_of(std::size_t law, std::size_t hypothesis) const {
   const ExtendedLumpedModel& model = found_.fit.model;
   JudgedModel best = best_of_starts(model, hypothesis, model.laws[law].part);

@@ -65,6 +65,8 @@ class FinalFit {
   [[nodiscard]] JudgedModel in_place_of(std::size_t law, std::size_t hypothesis) const;
   // `poorer` with a law of another hypothesis, from the best of its starts; unusable without any.
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
+  // The model found with one law more, and its standard errors; unusable without any start.
+  [[nodiscard]] JudgedModel beside(std::size_t hypothesis) const;
   // Hypotheses that may be one with this law in what is measured.
   [[nodiscard]] std::vector<std::size_t> elsewhere(std::size_t hypothesis) const;
   [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <span>
@@ -17,6 +18,7 @@
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/prediction_verdict/confounded_sizes.hpp"
 #include "diagnosis/prediction_verdict/prediction_effects.hpp"
 #include "diagnosis/prediction_verdict/prediction_reasons.hpp"
 #include "diagnosis/predictor/drive_hold.hpp"
@@ -389,15 +391,10 @@ double kept_out_of(const JudgedModel& model) {
   return relative_size(*model.held_out_error, model.held_out_scale);
 }
 
-// Whether whole recordings kept out are foretold with laws, and not well. Long ones take minutes to
-// search, and have windows enough.
-bool leaves_much_kept_out(const JudgedModel& found, const PredictionData& data) {
-  constexpr double kMuch = 0.05;        // of the signal
-  constexpr Eigen::Index kLong = 4000;  // samples
-  Eigen::Index samples = 0;
-  for (const OutputErrorRecording& recording : data.recordings()) samples += recording.time.size();
-  return samples < kLong && found.horizon == 0 && found.held_out_error &&
-         kept_out_of(found) > kMuch;
+// Whether whole recordings kept out are foretold with laws, and not well.
+bool leaves_much_kept_out(const JudgedModel& found) {
+  constexpr double kMuch = 0.05;  // of the signal
+  return found.horizon == 0 && found.held_out_error && kept_out_of(found) > kMuch;
 }
 
 // What is left of the recordings by which laws are judged, of their signal.
@@ -437,10 +434,10 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
                                       PredictionFindings& ladder, const FinalFit& without) {
   const JudgedModel& found = without.found();
   const std::size_t laws = found.fit.model.laws.size();
-  if (!found.fit.usable || ladder.stopped || ladder.has_free_run ||
-      (laws > 0 && !leaves_much_kept_out(found, data))) {
-    return {};
-  }
+  if (!found.fit.usable || ladder.stopped || ladder.has_free_run) return {};
+  const bool must_be_short = laws > 0 || !data.has_validation();  // else it has windows enough
+  if (must_be_short && !is_short(data)) return {};
+  if (laws > 0 && !leaves_much_kept_out(found)) return {};
   return look_from(found.fit.model, stated, data, hypotheses, options, ladder, found);
 }
 
@@ -495,6 +492,17 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
       both.usable && both.z > kErrorsApart && both.error_other < kLess * both.error;
   if (!is_better) return {};
   return both;
+}
+
+// What was held, what moved far, and what holds only if some force is absent, in sentences.
+void add_assumptions(const PredictionOutcome& outcome, const std::string& held,
+                     Diagnosis& diagnosis) {
+  for (const std::string& words :
+       {held, moved_words(*outcome.stated, diagnosis.after.model_parameters)}) {
+    if (!words.empty()) diagnosis.assumptions.push_back(words);
+  }
+  if (diagnosis.interrupted) return;
+  std::ranges::copy(confounded_sizes(outcome), std::back_inserter(diagnosis.assumptions));
 }
 
 // A drive of the wrong sign makes laws of the position that hold against it: a weight, a spring, a
@@ -582,11 +590,9 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
           *other = better_held(stated, data, campaign, findings, final, threads);
         if (other != nullptr && *other) return result;
         const PredictionFindings& told = look ? *look->findings : findings;
-        result.diagnosis = DiagnosisBuilder({&stated, &data, &hypotheses, &told, &final}).build();
-        for (const std::string& words :
-             {held, moved_words(stated, result.diagnosis.after.model_parameters)}) {
-          if (!words.empty()) result.diagnosis.assumptions.push_back(words);
-        }
+        const PredictionOutcome outcome{&stated, &data, &hypotheses, &told, &final};
+        result.diagnosis = DiagnosisBuilder(outcome).build();
+        add_assumptions(outcome, held, result.diagnosis);
         doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);
         return result;

@@ -14,4 +14,12 @@ struct PredictionOutcome {
   const FinalFit* final = nullptr;
 };
 
+// Whether so few samples were recorded that a search over whole recordings takes seconds.
+[[nodiscard]] inline bool is_short(const PredictionData& data) {
+  constexpr Eigen::Index kLong = 4000;  // samples
+  Eigen::Index samples = 0;
+  for (const OutputErrorRecording& recording : data.recordings()) samples += recording.time.size();
+  return samples < kLong;
+}
+
 }  // namespace graybox

@@ -1,5 +1,7 @@
 #include "diagnosis/runs/answer_advice.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -7,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
@@ -121,6 +124,30 @@ void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnos
     // A designed experiment is better advice.
     if (reason.next.find("larger and faster") == std::string::npos) continue;
     reason.next = advice.substr(0, advice.size() - 1);  // its end is the line's
+  }
+}
+
+void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis) {
+  constexpr double kBack = 0.05;  // of the fastest motion
+  for (const FoundEffect& effect : diagnosis.effects) {
+    const Hypothesis& force = hypotheses[effect.law.hypothesis];
+    const auto is_friction = [&](const FittedLaw& law) {
+      const Hypothesis& other = hypotheses[law.hypothesis];
+      return other.place == force.place && is_dry_friction(other.law);
+    };
+    const bool is_told = std::ranges::any_of(effect.rivals, is_friction, &Rival::law) ||
+                         std::ranges::any_of(diagnosis.effects, is_friction, &FoundEffect::law);
+    if (force.law != "offset" || is_told) continue;
+    const std::string moving = force.place.substr(0, force.place.find('.'));
+    for (const CheckedRange::Span& span : diagnosis.checked.spans) {
+      if (span.quantity != "velocity of " + moving) continue;
+      const double fastest = std::max(-span.from, span.to);
+      if (std::min(-span.from, span.to) > kBack * fastest) continue;
+      diagnosis.assumptions.push_back(fmt::format(
+          "{} moves one way: its constant force may as well be dry friction. Record it going back, "
+          "too.",
+          moving));
+    }
   }
 }
 

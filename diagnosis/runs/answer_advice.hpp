@@ -42,4 +42,7 @@ void mark_first_springs(const std::filesystem::path& model, std::span<const Hypo
 // motion.
 void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis);
 
+// Says of each constant force on what turned or moved one way that it may be dry friction.
+void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis);
+
 }  // namespace graybox

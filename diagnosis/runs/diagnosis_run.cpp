@@ -565,6 +565,7 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   tell_unknown_gains(campaign, answer.diagnosis);
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
   advise_on_rivals(answer.hypotheses(), answer.diagnosis);
+  tell_one_way_forces(answer.hypotheses(), answer.diagnosis);
   answer.method = method.name;
   answer.method_line = method_line(method);
   PageOrigin origin{.command = request.command,

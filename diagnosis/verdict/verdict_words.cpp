@@ -187,13 +187,20 @@ std::string unsound_words(const FoundEffect& effect, std::span<const Hypothesis>
                      parameters_words(effect.law));
 }
 
-// Whether recordings kept out are predicted worse with it, and badly.
+// A law with which nothing is predicted, however much worse it is without, was not found: what is
+// left is larger than the signal, and no noise is known to be that large.
+bool predicts_nothing(const FoundEffect& effect, const Diagnosis& diagnosis) {
+  constexpr double kAll = 100.0;  // % of the signal
+  return !diagnosis.noise_is_known && effect.held_out && effect.held_out->error_with >= kAll;
+}
+
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
+  const bool is_doubtful = is_not_confirmed(effect) || predicts_nothing(effect, diagnosis);
   const std::string found =
-      fmt::format("{}: {} ({}): {}.", is_not_confirmed(effect) ? "Not confirmed" : "Found",
+      fmt::format("{}: {} ({}): {}.", is_doubtful ? "Not confirmed" : "Found",
                   effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
                   parameters_words(effect.law)) +
       held_out_words(effect, diagnosis);

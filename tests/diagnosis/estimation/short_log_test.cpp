@@ -147,5 +147,44 @@ TEST(ShortLogs, ErrorsOfWhatStandsAreThoseOfTheFitsSignal) {
   EXPECT_LT(result.diagnosis.validation_after->nrmse, 5.0);
 }
 
+bool says(const PredictionDiagnosis& result, const std::string& words) {
+  return std::ranges::any_of(result.diagnosis.assumptions, [&](const std::string& sentence) {
+    return sentence.find(words) != std::string::npos;
+  });
+}
+
+// At one speed damping, dry friction and a constant force are one thing.
+TEST(ShortLogs, SayThatOneSpeedTellsNoKindOfFriction) {
+  for (const bool is_one : {true, false}) {
+    const testing::TemporaryFolder folder;
+    const Wheel wheel{.inertia = 0.0035, .damping = 0.035, .friction = 0.2};
+    write_wheel(folder, "position", {});
+    const std::vector<double> torques =
+        is_one ? std::vector<double>(200, 0.6) : steps({0.6, 0.3, -0.6, -0.4, 0.8}, 200);
+    write_log(folder, "a", wheel, torques, "position", 0.0005, 5);
+    write_log(folder, "b", wheel, torques, "position", 0.0005, 6);
+    EXPECT_EQ(says(diagnosed(folder), "moves at about one speed"), is_one);
+  }
+}
+
+// An axis that one force accelerates evenly: a weight or dry friction beside it would change what
+// the fit says of its damping. Steps both ways leave no such doubt.
+TEST(ShortLogs, SayWhichSizesHoldOnlyWithoutAnotherForce) {
+  for (const bool is_even : {true, false}) {
+    const testing::TemporaryFolder folder;
+    const Wheel wheel{.inertia = 2.0, .damping = 0.05};
+    write_wheel(folder, "position", {});
+    for (const std::string log : {"a", "b"}) {
+      const double level = log == "a" ? -3.0 : -2.97;
+      const std::vector<double> torques =
+          is_even ? std::vector<double>(140, level) : steps({level, 3.0, -1.0, 2.0, -2.0}, 140);
+      write_log(folder, log, wheel, torques, "position", 0.01, 7);
+    }
+    const PredictionDiagnosis result = diagnosed(folder);
+    EXPECT_EQ(says(result, " only if axis "), is_even)
+        << fmt::format("{}", fmt::join(result.diagnosis.assumptions, "\n"));
+  }
+}
+
 }  // namespace
 }  // namespace graybox

@@ -195,6 +195,36 @@ TEST(VerdictWords, SpeakOfPredictionWhereTheNoiseIsNotKnown) {
       << all;
 }
 
+// 400 % of a signal that become 105 % are no prediction; noise that is known may be that large.
+TEST(VerdictWords, FindNothingThatPredictsNothing) {
+  Diagnosis diagnosis = explained();
+  diagnosis.effects[0].held_out = HeldOutEffect{409.0, 104.9, 0.93};
+  for (const bool is_known : {false, true}) {
+    diagnosis.noise_is_known = is_known;
+    const std::string lines =
+        fmt::format("{}", fmt::join(verdict_words(diagnosis, kHypotheses), "\n"));
+    EXPECT_EQ(lines.find("Not confirmed: ") != std::string::npos, !is_known) << lines;
+    EXPECT_EQ(lines.find("Found: ") != std::string::npos, is_known) << lines;
+  }
+}
+
+// One way both are one; both ways, or beside dry friction, they are not.
+TEST(AnswerAdvice, CallsAConstantForceDryFrictionWhereTheMotionGoesOneWay) {
+  const std::vector<Hypothesis> hypotheses{{"axis", "", "offset", {}}, {"axis", "", "coulomb", {}}};
+  const auto said = [&](double from, double to, bool beside_friction) {
+    Diagnosis diagnosis;
+    diagnosis.checked.spans = {{"velocity of axis", "rad/s", from, to}};
+    diagnosis.effects.push_back({{0, {}}, 0.9, 10.0, {}, {}, {}});
+    if (beside_friction) diagnosis.effects.push_back({{1, {}}, 0.9, 10.0, {}, {}, {}});
+    tell_one_way_forces(hypotheses, diagnosis);
+    return diagnosis.assumptions.size();
+  };
+  EXPECT_EQ(said(-0.2, 20.0, false), 1U);
+  EXPECT_EQ(said(-20.0, 0.0, false), 1U);
+  EXPECT_EQ(said(-18.0, 20.0, false), 0U);
+  EXPECT_EQ(said(0.0, 20.0, true), 0U);
+}
+
 TEST(VerdictWords, SayItAsAnEngineerWould) {
   const auto sentence = [](const char* place, const char* law, double value) {
     const Hypothesis hypothesis{place, "", law, {}};
