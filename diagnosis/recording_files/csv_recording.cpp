@@ -177,6 +177,9 @@ std::vector<RecordedColumn> columns_in_comments(std::string_view last, std::stri
 struct ColumnContent {
   StampColumn stamps;
   bool has_numbers = false;
+  std::size_t numbers = 0, words = 0;  // fields
+  std::size_t line = 0;                // of the first word
+  std::string word;
 };
 
 // An empty field and an error of Excel are samples that are not there.
@@ -192,6 +195,7 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
   StampColumn& stamps = content.stamps;
   if (parse_number(field, number) && (!stamps.has_any() || std::isnan(number))) {
     content.has_numbers = content.has_numbers || !std::isnan(number);
+    ++content.numbers;
     return number;
   }
   if (!content.has_numbers && stamps.take(field, number)) return number;
@@ -202,7 +206,32 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
         fmt::format("{}: line {}, column '{}': '{}' is no time stamp like the first, {}", path,
                     line, column, shortened(std::string(field), kShownOfField), stamps.first()));
   }
-  return number_in_table(path, line, fmt::format("'{}'", column), field);
+  if (content.words++ == 0) {
+    content.line = line;
+    content.word = field;
+  }
+  return kNone;
+}
+
+// Columns of words, as the states of a drive, or of numbers to another base: left out. A word among
+// numbers is a damaged sample.
+void leave_out_words(std::vector<ColumnContent>& contents, RecordingFile& file) {
+  for (std::size_t k = 0; k < file.columns.size();) {
+    const ColumnContent& content = contents[k];
+    const std::string column = fmt::format("'{}'", file.columns[k].name);
+    if (content.words == 0) {
+      ++k;
+      continue;
+    }
+    if (content.words <= content.numbers) {
+      (void)number_in_table(file.path, content.line, column, content.word);  // throws
+    }
+    file.remarks.push_back(
+        fmt::format("{}: column {} holds words as '{}', no numbers, so it is left out", file.path,
+                    column, shortened(content.word, kShownOfField)));
+    contents.erase(contents.begin() + static_cast<std::ptrdiff_t>(k));
+    file.columns.erase(file.columns.begin() + static_cast<std::ptrdiff_t>(k));
+  }
 }
 
 // Numbers and time stamps, with one number at least: a day alone may be a title's.
@@ -529,6 +558,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
   tell_the_rest(named, file);
+  leave_out_words(contents, file);
   take_stamps(contents, file);
   leave_out_equal_times(file);
   name_or_drop_unnamed(file);

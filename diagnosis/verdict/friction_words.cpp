@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kSameInBothDirections = 0.05;
 constexpr std::array<double, 3> kSpeeds{0.01, 0.1, 1.0};  // of the highest
+constexpr double kNext = 0.7;                             // of the highest
 constexpr std::array<std::string_view, 5> kDry{"coulomb", "asymmetric_coulomb", "stribeck",
                                                "sublinear_friction", "dahl"};
 constexpr std::array<std::string_view, 3> kSmooth{"viscous", "asymmetric_viscous",
@@ -89,6 +90,12 @@ std::string two_digits(double value) {
   return fmt::format("{:.0f}", unit * std::round(value / unit));
 }
 
+// Of motion that goes one way; 0: it turns, or stands.
+double slowest(const CheckedRange::Span& velocity) {
+  if (velocity.from * velocity.to <= 0.0) return 0.0;
+  return std::min(std::abs(velocity.from), std::abs(velocity.to));
+}
+
 std::string force_words(double forward, double backward, const std::string& unit) {
   const double larger = std::max(std::abs(forward), std::abs(backward));
   if (std::abs(forward - backward) <= kSameInBothDirections * larger) {
@@ -108,9 +115,12 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
     const auto* force = span_of(diagnosis, place.name, "torque", "force");
     if (!place.is_dry || place.has_memory || velocity == nullptr || force == nullptr) continue;
     const double highest = std::max(std::abs(velocity->from), std::abs(velocity->to));
+    const double lowest = slowest(*velocity);
     std::string curve;
     for (const double share : kSpeeds) {
-      const double speed = share * highest;
+      const double speed = std::max(share * highest, lowest);
+      if (share < 1.0 && speed > kNext * highest) continue;      // as good as the highest
+      if (!curve.empty() && share * highest < lowest) continue;  // said
       const bool is_first = curve.empty();
       curve += fmt::format(
           "{}{} at {}{}", is_first ? "" : ", ",

@@ -66,5 +66,16 @@ TEST_F(FrictionWords, LeaveOutWhatTheyCannotSay) {
   EXPECT_TRUE(lines().empty()) << "speeds are not known";
 }
 
+// Nothing is said of speeds that were never recorded.
+TEST_F(FrictionWords, BeginAtTheSlowestSpeedOfMotionOneWay) {
+  find("coulomb", {of("level", 5.0), of("transition_velocity", 1e-4)});
+  find("viscous", {of("damping", 2.0)});
+  diagnosis_.checked.spans[0] = {"velocity of elbow", "rad/s", -2.0, -0.1};
+  EXPECT_EQ(lines().at(0),
+            "Friction of the arm axis of elbow: 5.2 N m at 0.1 rad/s, 5.4 at 0.2, 9 at 2.");
+  diagnosis_.checked.spans[0] = {"velocity of elbow", "rad/s", 0.5, 2.0};
+  EXPECT_EQ(lines().at(0), "Friction of the arm axis of elbow: 6 N m at 0.5 rad/s, 9 at 2.");
+}
+
 }  // namespace
 }  // namespace graybox
