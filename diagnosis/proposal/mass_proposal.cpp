@@ -10,9 +10,9 @@
 
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
 #include "diagnosis/first_masses/one_mass_start.hpp"
+#include "diagnosis/log_columns/even_samples.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
-#include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"
