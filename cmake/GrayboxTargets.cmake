@@ -93,6 +93,9 @@ function(graybox_compile_options target)
       # compile and find what the address sanitizer finds anyway.
       target_compile_options(${target} PRIVATE -fno-sanitize=null,alignment,object-size,vptr)
     endif()
+    if(NOT GRAYBOX_WARNINGS_AS_ERRORS)  # the release build has warned
+      target_compile_options(${target} PRIVATE -w)
+    endif()
   endif()
   if(GRAYBOX_FUZZ_COVERAGE)
     # Counters that are kept in the file, so that processes that die have theirs counted, too.

@@ -8,12 +8,14 @@
 #include <memory>
 #include <utility>
 
+#include "diagnosis/force_balance/balance_errors.hpp"
 #include "diagnosis/force_balance/balance_fitter.hpp"
 #include "diagnosis/force_balance/balance_hypotheses.hpp"
 #include "diagnosis/force_balance/balance_pictures.hpp"
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/balance_scores.hpp"
 #include "diagnosis/force_balance/balance_trends.hpp"
+#include "diagnosis/force_balance/late_channels.hpp"
 #include "diagnosis/force_balance/remaining_structure.hpp"
 #include "diagnosis/force_balance/rival_motions.hpp"
 #include "diagnosis/force_balance_data/derivative_noise.hpp"
@@ -32,22 +34,7 @@ namespace {
 
 using Index = Eigen::Index;
 
-constexpr double kLateStep = 0.2;  // of a lateness, by which a force is moved on
 constexpr int kLateRounds = 3;
-constexpr double kTurning = 0.02;  // of a joint's speed, below which it turns round
-
-// Share of a coordinate's rest that follows from its own past. The low-pass that the forces went
-// through gives any noise a past of half its period; so samples so far apart are asked.
-double own_past(const ForceBalanceRows& rows, const Eigen::VectorXd& rest) {
-  const Motion& piece = rows.pieces.front();
-  Index stride = 1;
-  for (const FilterPass& filter : piece.filters) {
-    const auto most = static_cast<double>(piece.samples());
-    const double apart = std::min(0.5 / (filter.frequency * piece.sample_time()), most);
-    stride = std::max(stride, static_cast<Index>(apart + 1e-6));
-  }
-  return 1.0 - ColouredNoise(rest(Eigen::seq(Index{0}, Eigen::last, stride))).innovation_share();
-}
 
 // Whether these rows tell all parameters of the model apart.
 bool determines_model(const ForceBalanceRows& rows) {
@@ -67,11 +54,6 @@ bool determines_model(const ForceBalanceRows& rows) {
 using ReadAgain =
     std::function<ForceBalanceData(const Eigen::VectorXd& advance, double body_uncertainty)>;
 
-bool is_told(const LatenessFit& lateness) {
-  return std::abs(lateness.seconds) < kLongestDelay && lateness.share > kLeastShare &&
-         lateness.share_held_out > kLeastShare;
-}
-
 // By so much the bodies of a drawing may be off at the worst.
 constexpr double kDoubt = 0.3;
 
@@ -83,6 +65,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
         read_again_(std::move(read_again)),
         hypotheses_(data_),
         fitter_(data_, hypotheses_, options_.keep_going),
+        late_(data_, fitter_, options_.keep_going),
         motions_(fitter_) {}
 
   // The fitter refers to the data beside it.
@@ -195,49 +178,16 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
   [[nodiscard]] std::optional<double> autocorrelated_error(const ExtendedFit& fit) const override {
-    const ForceBalanceRows& rows = data_.estimation;
-    const Eigen::MatrixXd rest = residuals(fit, rows);
-    double square = 0.0;
-    for (Index j = 0; j < coordinates(); ++j) {
-      square += own_past(rows, rest.col(j)) * rest.col(j).squaredNorm();
-    }
-    return 100.0 * std::sqrt(square / centred_square(rows.measured));
+    return graybox::autocorrelated_error(fitter_, data_, fit);
   }
 
   [[nodiscard]] std::vector<ChannelRest> channel_rests(const ExtendedFit& fit) const override {
-    const ForceBalanceRows& rows = data_.estimation;
-    const Eigen::MatrixXd rest = residuals(fit, rows), unseen = unpredicted(rows, rest);
-    std::vector<ChannelRest> channels;
-    for (Index j = 0; j < coordinates(); ++j) {
-      const double left = rest.col(j).squaredNorm(), signal = centred_square(rows.measured.col(j));
-      ChannelRest& channel = channels.emplace_back();
-      channel.channel = channel_of(j);
-      if (!(left > 0.0) || !(signal > 0.0)) continue;
-      channel.nrmse = 100.0 * std::sqrt(left / signal);
-      channel.structure = std::max(0.0, 1.0 - unseen.col(j).squaredNorm() / left);
-      channel.autocorrelated_error = 100.0 * std::sqrt(own_past(rows, rest.col(j)) * left / signal);
-    }
-    add_held_out_errors(fit, channels);
-    return channels;
+    return balance_rests(fitter_, data_, fit);
   }
 
   void find_late_channels(const ExtendedFit& fit,
                           std::vector<ChannelRest>& channels) const override {
-    if (data_.validation.empty()) return;
-    const Eigen::MatrixXd rest = residuals(fit, data_.estimation),
-                          held_out = residuals(fit, data_.validation);
-    for (Index j = 0; j < coordinates(); ++j) {
-      if (is_idle(j)) continue;
-      auto late = late_force(data_.estimation, rest, data_.validation, held_out, j);
-      const LatenessFit beside = lateness_beside(fit, rest, held_out, j);
-      if (is_told(beside) && (!late || beside.nrmse_held_out < late->nrmse_held_out)) {
-        late = {beside.seconds, beside.nrmse_held_out};
-      }
-      if (!late) continue;
-      const LateForce whole = with_laws_refitted(fit, j, *late);
-      channels[static_cast<std::size_t>(j)].late_by = whole.seconds;
-      channels[static_cast<std::size_t>(j)].held_out_nrmse_in_time = whole.nrmse_held_out;
-    }
+    late_.find(fit, channels);
   }
 
   [[nodiscard]] std::unique_ptr<MismatchProblem> in_time(const ExtendedFit& fit) const override {
@@ -247,10 +197,10 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     Eigen::VectorXd each = Eigen::VectorXd::Zero(coordinates());
     for (Index j = 0; j < coordinates(); ++j) {
       const ChannelRest& rest = channels[static_cast<std::size_t>(j)];
-      if (is_worth_moving(rest) && has_own_force(j)) each(j) = *rest.late_by;
+      if (late_.is_worth_moving(rest) && late_.has_own_force(j)) each(j) = *rest.late_by;
     }
     const bool is_new = (each.array() != 0.0).any();
-    if (!is_new && !is_moved_too_little(fit)) return nullptr;
+    if (!is_new && !late_.is_moved_too_little(fit)) return nullptr;
     std::unique_ptr<ForceBalanceProblem> moved = moved_by(each, fit);
     const std::optional<double> common = lateness_of_all(each, channels);
     if (!moved || !common) return moved;
@@ -314,71 +264,6 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   }
 
  private:
-  [[nodiscard]] bool is_worth_moving(const ChannelRest& rest) const {
-    if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) return false;
-    const double sample_time = data_.recorded.front().sample_time();
-    if (std::abs(*rest.late_by) < kShortestMove * sample_time) return false;
-    const double ratio = *rest.held_out_nrmse_in_time / *rest.held_out_nrmse;
-    return ratio * ratio <= 1.0 - kWorthMoving;
-  }
-  // Columns of the model, of the laws found and of plain friction that act on a coordinate.
-  [[nodiscard]] Eigen::MatrixXd columns_on(Index coordinate, const ExtendedFit& fit,
-                                           const ForceBalanceRows& rows) const {
-    const auto at = static_cast<std::size_t>(coordinate);
-    Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(rows.samples(), 0);
-    if (rows.model.in[at].size() > 0) append_columns(rows.model.in[at], columns);
-    for (const FittedLaw& law : fit.laws) {
-      const BalanceColumns own = law_columns(fitter_.placed_of(fit, law), data_, rows);
-      if (own.in[at].size() > 0) append_columns(own.in[at], columns);
-    }
-    append_plain_friction(coordinate, rows, columns);
-    return columns;
-  }
-  void append_plain_friction(Index coordinate, const ForceBalanceRows& rows,
-                             Eigen::MatrixXd& columns) const {
-    const Eigen::VectorXd own = Eigen::VectorXd::Unit(coordinates(), coordinate);
-    const auto place = std::ranges::find_if(data_.places, [&](const CandidatePlace& each) {
-      return each.location.input.size() == own.size() && each.location.input == own &&
-             each.location.output == own;
-    });
-    if (place == data_.places.end()) return;
-    double square = 0.0;
-    for (const Motion& piece : data_.estimation.pieces) {
-      square += piece.velocity.col(coordinate).squaredNorm();
-    }
-    const double speed = std::sqrt(square / static_cast<double>(data_.estimation.samples()));
-    if (!(speed > 0.0)) return;
-    append_columns(law_samples(*place, *find_law("viscous", false)->make(std::vector{1.0}), rows),
-                   columns);
-    append_columns(
-        law_samples(*place, *find_law("coulomb", false)->make(std::vector{1.0, kTurning * speed}),
-                    rows),
-        columns);
-  }
-  [[nodiscard]] LatenessFit lateness_beside(const ExtendedFit& fit, const Eigen::MatrixXd& rest,
-                                            const Eigen::MatrixXd& held_out,
-                                            Index coordinate) const {
-    return fit_lateness(
-        {data_.estimation, rest.col(coordinate), columns_on(coordinate, fit, data_.estimation)},
-        {data_.validation, held_out.col(coordinate), columns_on(coordinate, fit, data_.validation)},
-        coordinate);
-  }
-  // What is left of the lateness of each joint that was moved.
-  [[nodiscard]] Eigen::VectorXd lateness_left(const ExtendedFit& fit) const {
-    Eigen::VectorXd left = Eigen::VectorXd::Zero(coordinates());
-    const Eigen::MatrixXd rest = residuals(fit, data_.estimation),
-                          held_out = residuals(fit, data_.validation);
-    for (Index j = 0; j < data_.advance.size(); ++j) {
-      if (data_.advance(j) != 0.0) left(j) = lateness_beside(fit, rest, held_out, j).seconds;
-    }
-    return left;
-  }
-  [[nodiscard]] bool is_moved_too_little(const ExtendedFit& fit) const {
-    if (data_.advance.size() == 0) return false;
-    const Eigen::ArrayXd left = lateness_left(fit).cwiseAbs();
-    return (left > kLateStep * kLateStep * data_.advance.array().abs()).any();
-  }
-
   [[nodiscard]] std::unique_ptr<ForceBalanceProblem> in_time_by(
       const Eigen::VectorXd& advance) const {
     if (advance.cwiseAbs().maxCoeff() > kLongestDelay) return nullptr;
@@ -394,24 +279,10 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       return nullptr;  // too few samples are left, or the files have gone: what is known stands
     }
   }
-  // Where several joints are moved one way, one clock for all positions, or all forces, may be
-  // late. The median of all that come late or early at all.
-  [[nodiscard]] static std::optional<double> lateness_of_all(
-      const Eigen::VectorXd& each, const std::vector<ChannelRest>& channels) {
-    const auto late = (each.array() > 0.0).count(), early = (each.array() < 0.0).count();
-    if (late + early < 2 || (late > 0 && early > 0)) return {};
-    std::vector<double> times;
-    for (const ChannelRest& rest : channels) {
-      if (rest.late_by) times.push_back(*rest.late_by);
-    }
-    const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
-    std::ranges::nth_element(times, middle);
-    return *middle;
-  }
   [[nodiscard]] Eigen::VectorXd all_by(double seconds) const {
     Eigen::VectorXd advance = Eigen::VectorXd::Zero(coordinates());
     for (Index j = 0; j < coordinates(); ++j) {
-      if (!is_idle(j) && has_own_force(j)) advance(j) = seconds;
+      if (!is_idle(j) && late_.has_own_force(j)) advance(j) = seconds;
     }
     return advance;
   }
@@ -435,59 +306,13 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     std::unique_ptr<ForceBalanceProblem> moved = in_time_by(advance);
     for (int round = 0; moved && round < kLateRounds; ++round) {
       const ExtendedFit again = moved->fit(laws, nullptr);
-      if (!again.usable || !moved->is_moved_too_little(again)) break;
-      advance += moved->lateness_left(again);
+      if (!again.usable || !moved->late_.is_moved_too_little(again)) break;
+      advance += moved->late_.lateness_left(again);
       std::unique_ptr<ForceBalanceProblem> nearer = in_time_by(advance);
       if (!nearer) break;
       moved = std::move(nearer);
     }
     return moved;
-  }
-
-  // Not that of motors which move other joints, too.
-  [[nodiscard]] bool has_own_force(Index coordinate) const {
-    if (!data_.robot.channels.motor_torque) return true;
-    const auto column = data_.robot.transmission.col(coordinate).array();
-    return (column != 0.0).count() == 1;
-  }
-
-  // Laws fitted to a late force take part of its lateness. So the force is moved on, and the same
-  // laws are fitted again, as long as that lowers what they leave.
-  [[nodiscard]] LateForce with_laws_refitted(const ExtendedFit& fit, Index coordinate,
-                                             LateForce late) const {
-    const std::vector<LawStart> laws = starts_of(fit);
-    const double step = std::copysign(
-        std::max(data_.estimation.pieces.front().sample_time(), kLateStep * std::abs(late.seconds)),
-        late.seconds);
-    double least = std::numeric_limits<double>::infinity();
-    for (double seconds = late.seconds; std::abs(seconds) < kLongestDelay; seconds += step) {
-      const auto left = left_with_force_moved(laws, coordinate, seconds);
-      if (!left || left->estimation >= least) break;
-      least = left->estimation;
-      if (left->held_out < late.nrmse_held_out) late = {seconds, left->held_out};
-    }
-    return late;
-  }
-  // NRMSE of one coordinate, %; none where the laws can't be fitted.
-  struct MovedRest {
-    double estimation = 0.0, held_out = 0.0;
-  };
-  [[nodiscard]] std::optional<MovedRest> left_with_force_moved(std::span<const LawStart> laws,
-                                                               Index coordinate,
-                                                               double seconds) const {
-    ForceBalanceData moved = data_;
-    for (ForceBalanceRows* rows : {&moved.estimation, &moved.validation}) {
-      advance_force(*rows, coordinate, seconds);
-      rows->laws = std::make_shared<LawSampleCache>(rows->samples());
-    }
-    const ForceBalanceProblem in_time(std::move(moved), options_);
-    const ExtendedFit fit = in_time.fit(laws, nullptr);
-    if (!fit.usable) return {};
-    const auto nrmse = [&](const ForceBalanceRows& rows) {
-      const double square = in_time.residuals(fit, rows).col(coordinate).squaredNorm();
-      return 100.0 * std::sqrt(square / centred_square(rows.measured.col(coordinate)));
-    };
-    return MovedRest{nrmse(in_time.data_.estimation), nrmse(in_time.data_.validation)};
   }
 
   [[nodiscard]] Eigen::MatrixXd residuals(const ExtendedFit& fit,
@@ -500,29 +325,12 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
   [[nodiscard]] Index coordinates() const { return data_.estimation.coordinates(); }
   [[nodiscard]] bool is_idle(Index j) const { return data_.idle[static_cast<std::size_t>(j)]; }
 
-  // Standard deviation of what was measured where it counts.
-  [[nodiscard]] static double signal_of(const ForceBalanceRows& rows, Index coordinate) {
-    return std::sqrt(centred_square(rows.measured.col(coordinate)) / rows.counted(coordinate));
-  }
-
-  void add_held_out_errors(const ExtendedFit& fit, std::vector<ChannelRest>& channels) const {
-    if (data_.validation.empty()) return;
-    const Eigen::MatrixXd rest = residuals(fit, data_.validation);
-    for (Index j = 0; j < coordinates(); ++j) {
-      const double signal = centred_square(data_.validation.measured.col(j));
-      if (!(signal > 0.0)) continue;
-      ChannelRest& channel = channels[static_cast<std::size_t>(j)];
-      channel.held_out_nrmse = 100.0 * std::sqrt(rest.col(j).squaredNorm() / signal);
-      channel.held_out_level = std::sqrt(data_.validation.measured.col(j).squaredNorm() / signal);
-      channel.held_out_signal = signal_of(data_.validation, j) / signal_of(data_.estimation, j);
-    }
-  }
-
   ForceBalanceData data_;
   ForceBalanceOptions options_;
   ReadAgain read_again_;
   BalanceHypotheses hypotheses_;
   BalanceFitter fitter_;
+  LateChannels late_;
   RivalMotions motions_;
 };
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "diagnosis/proposal/motion_span.hpp"
+#include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "problems/base/units.hpp"
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/proposal/log_recordings.hpp"
-#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 
 namespace graybox {
 

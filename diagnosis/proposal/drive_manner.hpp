@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 
 namespace graybox {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/log_columns/even_samples.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
-#include "diagnosis/proposal/column_rates.hpp"
-#include "diagnosis/proposal/even_samples.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 
 namespace graybox {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <set>
 
+#include "diagnosis/log_columns/column_rates.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
-#include "diagnosis/proposal/column_rates.hpp"
 #include "diagnosis/proposal/mass_proposal.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/robot_proposal.hpp"

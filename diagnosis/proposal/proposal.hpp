@@ -17,8 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/log_columns/log_recordings.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
-#include "diagnosis/proposal/log_recordings.hpp"
 
 namespace graybox {
 

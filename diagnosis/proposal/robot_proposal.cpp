@@ -11,10 +11,10 @@
 #include <set>
 #include <string>
 
+#include "diagnosis/log_columns/joint_columns.hpp"
+#include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
-#include "diagnosis/proposal/joint_columns.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
-#include "diagnosis/proposal/motion_span.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 #include "problems/mechanisms/rigid_chain.hpp"

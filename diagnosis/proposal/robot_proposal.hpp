@@ -9,7 +9,7 @@
 
 #include <vector>
 
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 
 namespace graybox {

@@ -8,8 +8,8 @@
 #include <numbers>
 #include <vector>
 
+#include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
-#include "diagnosis/proposal/motion_span.hpp"
 #include "diagnosis/signals/real_transform.hpp"
 
 namespace graybox {

@@ -1,7 +1,7 @@
 // column_generation: D-optimal design with a handful of passes over the set.
 //
-// The optimum has few support points (at most p, in practice 1 to 3 d), so nearly all of the work
-// is finding them. The method alternates
+// The optimum has few support points (at most p, often 1 to 3 d), so nearly all of the work is to
+// find them. The method alternates
 //
 //   price   w_i = tr(M^-1 H_i) for a pool of candidates, one read of its rows;
 //   add     the most violating candidates (w_i > d) to a working set of a few dozen;
@@ -39,7 +39,7 @@
 // pass costs Q k d^2 flops and reads Q k d numbers. Only the other methods of fallback.hpp need all
 // matrices, where there is memory for them.
 //
-// Cost: 2 Q p flops and one read of the set a pass, 1.2 to 3 passes in practice; per Newton step
+// Cost: 2 Q p flops and one read of the set a pass, of which a few are needed; per Newton step
 // n d^3 + n^2 p / 2 + O(n^3) for a working set of n. Memory: 8 Q bytes beyond the set.
 // Threads share the passes; each w_i is computed alone, so results do not depend on their number.
 #pragma once

@@ -23,7 +23,7 @@
 // in extended precision.
 //
 // exact_method.hpp has the faster tree for D-optimal designs of M experiments without constraints.
-// Cost: nodes times the relaxed problem on the pool, 1 ms to some tens.
+// Cost: the number of nodes times that of the relaxed problem on the pool.
 #pragma once
 
 #include <cstdint>

@@ -33,10 +33,10 @@
 //
 // repetitions of candidate i in any design that is no worse than the incumbent, and none where that
 // is below one. It takes no more than the certificate of the relaxed problem and one good design.
-// On irb6600_like's 7920 positions all but 54 are gone at M = 12 and all but 17 at M = 100. The
-// loss beta is about C / M^2 (second-order loss of rounding), so the budget M beta falls as 1 / M.
-// For full-rank H_i it is small because tr(B_i^2) is: the same rule on rank-one candidates keeps
-// far more.
+// The loss beta is about C / M^2 (second-order loss of rounding), so the budget M beta falls as
+// 1 / M: the more experiments there are, the fewer candidates remain. C grows with tr(B_i^2). This
+// is small for candidates of full rank and large for those of rank one, of which the rule keeps far
+// more.
 //
 // The trace-free part of H_i, which sharpens screening.hpp, enters through the choice of W: for
 // each candidate (3) is evaluated at a W that is optimal, to second order, for the box with m_i >=

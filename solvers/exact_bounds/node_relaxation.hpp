@@ -21,19 +21,19 @@
 //             (strong branching: the largest product of the two losses) and go with the children;
 //   repeated  until nothing moves.
 //
-// A box whose centre is singular to rounding (in coordinates where the relaxed optimum of one run
-// is the identity) is taken to hold no regular design.
+// A box whose centre is singular to rounding is taken to hold no regular design. Coordinates are
+// those in which the relaxed optimum of one experiment is the identity.
 //
 // One design: where the limits leave a single design, W = X^-1 bounds it by its own log det but for
-// rounding, which no branching makes smaller. Such a node is done, and its bound is that design's
-// value, from the checker's extended precision: the caller's part.
+// rounding, which no branching makes smaller. Such a node is done. Its bound is the value of that
+// design, which the caller computes in the checker's extended precision.
 //
 // Integer points: an integral x is a design; a fractional one is rounded (largest fractions up)
 // inside the box. Both are offered to the caller as incumbents with their log det.
 //
-// A node costs a few Newton steps, f d^3 + f^2 p / 2 for f free variables each, 2 n p per pricing
-// of its n candidates and d^3 + n p per probe: 0.1 to 0.3 ms for the robot. No allocation in the
-// loops once the largest node has been seen. Not for use by several threads at once: one each.
+// Cost of a node: a few Newton steps of f d^3 + f^2 p / 2 each for f free variables, 2 n p for each
+// pricing of its n candidates, and d^3 + n p for each probe. Nothing is allocated in the loops once
+// the largest node has been seen. Not for use by several threads at once: one each.
 #pragma once
 
 #include <cstddef>
@@ -53,7 +53,7 @@
 
 namespace graybox {
 
-// One candidate of a node. Pool members that are not listed are run no times.
+// One candidate of a node. Members of the pool that are not listed have a count of zero.
 struct BoxEntry {
   std::uint32_t member = 0;  // of the pool
   std::int32_t lower = 0;

@@ -245,8 +245,8 @@ Ipopt::ApplicationReturnStatus Session::start(MakeForm make_form) {
   set_options->SetStringValue("bound_mult_init_method", "mu-based");
   set_options->SetNumericValue("mumps_mem_percent", 100);
   // Quasi-dense minimum degree: it alone of the orderings finds the order that is linear in Q for
-  // both sparse forms (the automatic choice made ipopt_dual 20 times slower at Q = 2000, PORD ends
-  // the process on the dense one).
+  // both sparse forms. The automatic choice does not for ipopt_dual, and PORD ends the process on
+  // the dense form.
   set_options->SetIntegerValue("mumps_pivot_order", 6);
   // The empty name keeps Ipopt from reading ipopt.opt in the working directory.
   const Ipopt::ApplicationReturnStatus status = application->Initialize("");

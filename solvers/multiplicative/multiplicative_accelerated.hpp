@@ -10,7 +10,7 @@
 //   s = sqrt(sum_i lambda_i r_i^2 / sum_i lambda_i v_i^2) >= 1,
 //
 // is the plain double step for s = 1. While w hardly changes (v = 0) it is Torsney's power 2 s of
-// w/d. The logarithm keeps weights positive and empties those off the support many times faster.
+// w/d. The logarithm keeps weights positive and empties those off the support faster.
 // The norms are those of the Fisher metric of the simplex, so that weights near zero do not steer
 // s. The result is taken only if log det M is at least that of the double step (monotone); s is
 // capped, and the cap grows when reached and shrinks when refused.

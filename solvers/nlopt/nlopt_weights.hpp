@@ -13,10 +13,9 @@
 // curvature along that u_i is negative. Starts have all u_i > 0. All local minima are global, since
 // the problem in lambda is convex. Off the support the curvature at the optimum is 2 (d/s - tr(M^-1
 // B_i)) > 0, so candidates leave at a linear rate. With softmax weights lambda_i ~ exp(u_i) they
-// leave only as u_i -> -infinity, and L-BFGS was seen to stop at gaps of 1e-2. The simplex as
-// bounds on lambda (same objective, lambda in [0, 1]^Q) costs MMA and CCSA as many evaluations or
-// up to twice as many. The penalty d sum lambda_i in place of the logarithm takes up to ten times
-// as many.
+// leave only as u_i -> -infinity, and L-BFGS stops before. The simplex as bounds on lambda (same
+// objective, lambda in [0, 1]^Q) costs MMA and CCSA as many evaluations or up to twice as many. The
+// penalty d sum lambda_i in place of the logarithm takes up to ten times as many.
 //
 //   nlopt_lbfgs   Nocedal's limited-memory BFGS (Luksan's code), 10 vectors
 //   nlopt_mma     method of moving asymptotes (Svanberg 2002), no constraints here

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "diagnosis/hypotheses/place_file.hpp"
-#include "diagnosis/proposal/column_words.hpp"
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
 #include "diagnosis/recording_files/time_stamp.hpp"
 #include "diagnosis/recording_files/title_words.hpp"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
-#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recordings/campaign.hpp"

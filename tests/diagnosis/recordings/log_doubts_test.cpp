@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/proposal/column_rates.hpp"
-#include "diagnosis/proposal/column_words.hpp"
-#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/runs/proposed_files.hpp"
 #include "tests/support/refusal.hpp"

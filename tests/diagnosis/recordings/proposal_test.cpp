@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "diagnosis/first_masses/one_mass_start.hpp"
-#include "diagnosis/proposal/column_rates.hpp"
-#include "diagnosis/proposal/column_words.hpp"
-#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"

@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/joint_columns.hpp"
+#include "diagnosis/log_columns/joint_columns.hpp"
 
 #include <algorithm>
 #include <cctype>

@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
 
 #include <algorithm>
 #include <array>

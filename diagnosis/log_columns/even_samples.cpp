@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/even_samples.hpp"
+#include "diagnosis/log_columns/even_samples.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/motion_span.hpp"
+#include "diagnosis/log_columns/motion_span.hpp"
 
 #include <fmt/format.h>
 

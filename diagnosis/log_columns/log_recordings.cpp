@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 
 #include <fmt/format.h>
 #include <fnmatch.h>

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 
 namespace graybox {
 

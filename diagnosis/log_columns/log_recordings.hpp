@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/proposal/column_words.hpp"
+#include "diagnosis/log_columns/column_words.hpp"
 
 namespace graybox {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 #include "problems/mechanisms/urdf_chain.hpp"
 
 namespace graybox {

@@ -13,7 +13,7 @@
 #include <string>
 #include <utility>
 
-#include "diagnosis/proposal/log_recordings.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
 
 namespace graybox {
 

@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/log_columns/column_rates.hpp"
 
 #include <fmt/format.h>
 

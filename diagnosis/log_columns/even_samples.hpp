@@ -8,8 +8,8 @@
 
 #include <Eigen/Core>
 
-#include "diagnosis/proposal/log_recordings.hpp"
-#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/log_columns/log_recordings.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 
 namespace graybox {
 

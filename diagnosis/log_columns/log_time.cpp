@@ -1,4 +1,4 @@
-#include "diagnosis/proposal/log_time.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "diagnosis/proposal/column_rates.hpp"
+#include "diagnosis/log_columns/column_rates.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/time_axis.hpp"
 #include "problems/base/error.hpp"

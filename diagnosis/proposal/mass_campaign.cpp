@@ -1,0 +1,286 @@
+#include "diagnosis/proposal/mass_campaign.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
+#include "diagnosis/proposal/column_choice.hpp"
+#include "diagnosis/proposal/mass_times.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+
+namespace graybox {
+namespace {
+
+using Columns = std::vector<const LogColumn*>;
+
+class MassCampaign {
+ public:
+  MassCampaign(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal)
+      : machine_(machine), draft_(draft), proposal_(proposal) {}
+
+  void run() {
+    draft_.heading =
+        fmt::format("# Proposed by `{}`. Change what is wrong.\n", machine_.request.command);
+    add_drive_channel();
+    Columns decisive;
+    for (std::size_t k = 0; k < machine_.motions.size(); ++k) {
+      const MotionChoice& each = machine_.motions[k];
+      std::string comment = each.unit_reason;
+      if (!each.questions.empty() && !comment.starts_with("# ANSWER")) {
+        comment = "# ANSWER: " + each.questions.front().text;
+      }
+      draft_.channels.push_back({machine_.motion_name(k), each.column->file, each.column->name,
+                                 each.unit, each.gain, "output", comment});
+      if (each.is_wrapped) draft_.wrapped.push_back({machine_.motion_name(k), each.wrap_period});
+      decisive.push_back(each.column);
+    }
+    if (machine_.has_goal() && !machine_.motions.empty()) add_goal_channel();
+    if (machine_.motions.empty()) {
+      draft_.channels.push_back({machine_.is_linear() ? "position" : "angle", 0, "ANSWER",
+                                 machine_.is_linear() ? "m" : "rad", "", "output",
+                                 "# ANSWER: which column is the motion? " + option_of_last()});
+    }
+    note_gaps();
+    note_unused();
+    draft_.keeps_standstill = machine_.request.split != SplitPlan::kMovingHalves;
+    draft_.experiments =
+        draft_experiments(machine_.recordings, decisive,
+                          !machine_.motions.empty() && machine_.motions.front().is_velocity,
+                          machine_.raw_step > 0.0 ? machine_.raw_step : draft_.time.sample_time,
+                          machine_.request.split);
+    split_in_blocks();
+    note_sparse_rows(draft_, machine_.recordings.front(), proposal_.notes);
+    if (draft_.time.every > 1) {
+      for (DraftExperiment& each : draft_.experiments)
+        each.from = first_of_held(machine_, draft_.time, each);
+    }
+    guess_what_is_kept_out();
+  }
+
+ private:
+  [[nodiscard]] bool is_used(const LogColumn* column) const {
+    return std::ranges::any_of(draft_.channels, [&](const DraftChannel& channel) {
+      return channel.column == column->name && channel.file == column->file;
+    });
+  }
+
+  void add_no_drive() {
+    machine_.force_factor = 0.0;
+    draft_.computed.push_back(
+        fmt::format("  - {{kind: constant, name: {}, value: 0, unit: {}, is: input}}  # no force "
+                    "acts\n",
+                    machine_.force_name(), machine_.force_unit()));
+  }
+
+  // Behind the motion, whose unit and gain the goal has where none is stated.
+  void add_goal_channel() {
+    const MotionChoice& motion = machine_.motions.front();
+    const std::string position = machine_.motion_name(0);
+    if (motion.is_velocity) {
+      throw InputError(fmt::format(
+          "--column '{}=goal': the drive of a servo is goal - position, and no position is "
+          "recorded; say which by --column NAME=position",
+          machine_.drive->name));
+    }
+    const bool is_stated = !machine_.drive->words.unit.empty();
+    const Unit* unit = find_unit(is_stated ? machine_.drive->words.unit : motion.unit);
+    machine_.goal_factor = is_stated ? unit->factor : motion.factor;
+    draft_.channels.push_back({"goal", machine_.drive->file, machine_.drive->name,
+                               std::string(unit->name), is_stated ? "" : motion.gain, "reference",
+                               is_stated ? "" : "in the unit of the position"});
+    const double gain = machine_.request.gain.value_or(1.0);
+    draft_.computed.push_back(fmt::format(
+        "  - {{kind: sum, of: [goal, {}], weights: [{:g}, {:g}], unit: {}, name: {}, is: input}}\n",
+        position, gain, -gain, machine_.force_unit(), machine_.force_name()));
+    machine_.force_factor = gain;
+  }
+
+  void add_drive_channel() {
+    if (machine_.request.no_drive && machine_.drive == nullptr) return add_no_drive();
+    if (machine_.has_goal()) return;
+    if (machine_.drive == nullptr) {
+      draft_.channels.push_back({machine_.force_name(), 0, "ANSWER", "1", "", "input",
+                                 "# ANSWER: which column drives the machine? " + option_of_last()});
+      return;
+    }
+    std::string unit = machine_.drive->words.unit.empty() ? "1" : machine_.drive->words.unit;
+    if (machine_.drive->words.quantity == LogQuantity::kForce &&
+        machine_.drive->words.unit.empty()) {
+      unit = machine_.force_unit();
+    }
+    const Unit* known = find_unit(unit);
+    const bool is_force =
+        known != nullptr && known->base == machine_.force_unit() && !machine_.request.gain;
+    const double gain = machine_.request.gain.value_or(1.0);
+    const double recorded_gain = gain * machine_.drive->words.unit_factor;
+    machine_.force_factor = is_force ? known->factor : gain;
+    std::string comment =
+        machine_.drive->words.unit.empty() && is_force ? "the unit is guessed" : "";
+    std::string text;
+    if (!is_force) {
+      text =
+          fmt::format("{{value: {:g}, unit: {}/{}}}", recorded_gain, machine_.force_unit(), unit);
+      if (unit == "1") {
+        text = fmt::format("{{value: {:g}, unit: \"{}/1\"}}", recorded_gain, machine_.force_unit());
+      }
+      if (!machine_.request.gain) {
+        comment = fmt::format("1 {} stands for one recorded unit: its gain is not known",
+                              machine_.force_unit());
+        proposal_.notes.push_back(
+            fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
+                        "unit (--gain states another)",
+                        machine_.drive->name, machine_.force_unit(), unit == "1" ? "of it" : unit));
+      }
+    }
+    // What is asked about it, as its unit: no command reads the file until that is answered.
+    for (const OpenQuestion& question : proposal_.questions) {
+      if (question.about == machine_.drive->name) {
+        comment = "# ANSWER: " + question.text;
+      }
+    }
+    draft_.channels.push_back({machine_.force_name(), machine_.drive->file, machine_.drive->name,
+                               unit, text, "input", comment});
+    if (!machine_.drive_wrap.empty())
+      draft_.wrapped.push_back({machine_.force_name(), machine_.drive_wrap});
+  }
+
+  [[nodiscard]] std::string option_of_last() const {
+    return proposal_.questions.empty() ? "" : proposal_.questions.back().option;
+  }
+
+  // Halves of which one has no drive or no motion check nothing: then alternating blocks.
+  void split_in_blocks() {
+    const bool has_halves = machine_.request.split == SplitPlan::kMovingHalves ||
+                            machine_.request.split == SplitPlan::kWholeHalves;
+    const bool is_known = (machine_.drive != nullptr || machine_.request.no_drive) &&
+                          !machine_.motions.empty() && machine_.motions[0].column != nullptr;
+    if (!has_halves || !is_known || draft_.experiments.size() != 2 ||
+        machine_.recordings.size() != 1) {
+      return;
+    }
+    const Eigen::Index first = draft_.experiments.front().first,
+                       count = draft_.experiments.back().last - first + 1;
+    const Eigen::VectorXd drive = machine_.driving(),
+                          moves = machine_.motions[0].values(machine_.log);
+    blocks_ = kept_out_blocks(drive.segment(first, count), moves.segment(first, count),
+                              machine_.motions[0].is_velocity);
+    if (!blocks_.is_fair) {
+      draft_.experiments = {{0, first, first + count - 1, false, false}};
+      return;
+    }
+    if (blocks_.count < 3) return;
+    draft_.experiments.clear();
+    for (Eigen::Index k = 0; k < blocks_.count; ++k) {
+      draft_.experiments.push_back({0, first + k * count / blocks_.count,
+                                    first + (k + 1) * count / blocks_.count - 1, false,
+                                    k % 2 == 1});
+    }
+  }
+
+  void guess_what_is_kept_out() {
+    const std::string few = "with less in the fit a diagnosis would have too few samples";
+    const bool is_one = machine_.recordings.size() == 1;
+    if (machine_.request.split == SplitPlan::kNoValidation)
+      return add_guess(proposal_, "kept out", "nothing", few);
+    if (!is_one) {
+      add_guess(proposal_, "kept out", machine_.recordings.back().label(), "checks the fit");
+    } else if (machine_.request.split == SplitPlan::kMostInFit) {
+      add_guess(proposal_, "kept out", "the last quarter", "checks the fit; " + few);
+    } else if (blocks_.count > 2) {
+      add_guess(proposal_, "kept out", fmt::format("every second of {} parts", blocks_.count),
+                blocks_.reason + ", so halves would not be alike");
+    } else if (!blocks_.is_fair) {
+      add_guess(proposal_, "kept out", "nothing",
+                blocks_.reason + ", and no split gives each part its share");
+      proposal_.notes.push_back(
+          "nothing is kept out, so nothing will test what is found: record "
+          "another run and give both logs");
+    } else {
+      add_guess(proposal_, "kept out", "the second half", "checks the fit");
+    }
+    if (machine_.request.split != SplitPlan::kMovingHalves) {
+      add_guess(proposal_, "standstill", "kept",
+                is_one && machine_.request.split == SplitPlan::kMostInFit ? "the same" : few);
+    }
+  }
+
+  void note_gaps() {
+    for (const DraftChannel& channel : draft_.channels) {
+      for (const LogRecording& recording : machine_.recordings) {
+        if (channel.column == "ANSWER") continue;
+        if (!recording.at(channel.file, channel.column).has_gaps()) continue;
+        draft_.gapped.push_back(channel.name);
+        proposal_.notes.push_back(
+            fmt::format("'{}' has rows without a number: they are left out", channel.column));
+        break;
+      }
+    }
+  }
+
+  void note_unused() {
+    for (const LogColumn* column : machine_.columns) {
+      if (is_used(column)) continue;
+      const bool is_unknown = column->words.quantity == LogQuantity::kUnknown;
+      const char* why = !column->moves()                                  ? "never changes"
+                        : is_unknown && column->counts_rows()             ? "numbers the rows"
+                        : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
+                        : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
+                        : column->words.is_reference                      ? "a reference"
+                                                                          : "not needed";
+      draft_.unused.push_back(fmt::format("{}: {}", column->name, why));
+    }
+    if (!draft_.unused.empty()) {
+      std::string names;
+      constexpr std::size_t kMost = 6;
+      for (std::size_t k = 0; k < std::min(kMost, draft_.unused.size()); ++k) {
+        names += (k == 0 ? "" : "; ") + draft_.unused[k];
+      }
+      if (draft_.unused.size() > kMost)
+        names += fmt::format("; and {} more", draft_.unused.size() - kMost);
+      add_guess(proposal_, "not used", names, "");
+    }
+  }
+
+  MassMachine& machine_;
+  CampaignDraft& draft_;
+  ModelProposal& proposal_;
+  KeptOutBlocks blocks_;
+};
+
+}  // namespace
+
+void draft_mass_campaign(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  MassCampaign(machine, draft, proposal).run();
+}
+
+void relate_encoders(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  if (machine.motions.size() != 2 ||
+      machine.motions[0].is_velocity != machine.motions[1].is_velocity)
+    return;
+  const Eigen::VectorXd motor = machine.motions[0].values(machine.log),
+                        load = machine.motions[1].values(machine.log);
+  const double alike = correlation(motor, load);
+  const double slope = alike * std::sqrt((load.array() - load.mean()).square().sum() /
+                                         (motor.array() - motor.mean()).square().sum());
+  constexpr double kTogether = 0.5, kRigid = 0.98, kNoGear = 1.2;
+  if (std::abs(alike) < kTogether) return;
+  const double size = std::abs(slope);
+  const bool has_gear = std::abs(alike) > kRigid && (size > kNoGear || size < 1.0 / kNoGear);
+  if (slope > 0.0 && !has_gear) return;
+  const double factor = (has_gear ? 1.0 / size : 1.0) * (slope < 0.0 ? -1.0 : 1.0);
+  machine.motions[1].factor *= factor;
+  DraftChannel& channel = draft.channels[2];
+  if (!channel.gain.empty()) return;
+  const Unit* unit = find_unit(channel.unit);
+  const std::string base(unit->base);
+  channel.gain = fmt::format("{{value: {:.6g}, unit: {}/{}}}",
+                             factor * unit->factor * machine.motions[1].column->words.unit_factor,
+                             base, channel.unit);
+  channel.comment = fmt::format("both move together by {:.4g} (correlation {:.2f})", slope, alike);
+  add_guess(proposal, "load's sensor", fmt::format("times {:.4g}", factor), channel.comment);
+}
+
+}  // namespace graybox

@@ -1,0 +1,141 @@
+#include "diagnosis/proposal/mass_drive.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <optional>
+
+#include "diagnosis/proposal/column_choice.hpp"
+#include "diagnosis/recording_files/written_unit.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "problems/base/error.hpp"
+
+namespace graybox {
+namespace {
+
+class DriveSearch {
+ public:
+  DriveSearch(MassMachine& machine, ModelProposal& proposal)
+      : machine_(machine), proposal_(proposal) {}
+
+  void run() {
+    collect_open_columns();
+    choose_the_drive();
+  }
+
+ private:
+  // Columns that move and of which no one knows what they are.
+  void collect_open_columns() {
+    for (const LogColumn* column : machine_.columns) {
+      if (column->words.quantity == LogQuantity::kUnknown && column->moves() &&
+          !column->counts_rows()) {
+        machine_.open.push_back(column);
+      }
+    }
+  }
+
+  void choose_the_drive() {
+    machine_.drive = machine_.likely_drive = goal_among(machine_.columns);
+    if (machine_.drive != nullptr) return take_goal();
+    if (machine_.request.no_drive) {
+      add_guess(proposal_, "drive", "nothing", "you said so: no force acts in these logs");
+      return;
+    }
+    ColumnChoice choice = choose_drive(machine_.columns, machine_.recordings);
+    const bool has_motion = !moving_columns(machine_.columns, LogQuantity::kPosition).empty() ||
+                            !moving_columns(machine_.columns, LogQuantity::kVelocity).empty();
+    if (choice.column == nullptr && choice.rivals.empty()) {
+      if (machine_.open.empty() && !has_motion) {
+        throw InputError(
+            fmt::format("{}: no column is a force, torque, current, voltage or command that moves; "
+                        "say which by --column NAME=torque{}",
+                        machine_.log.files.front().string(), still_columns(machine_.columns)));
+      }
+      if (machine_.open.size() == 1 && has_motion) {
+        choice = {machine_.open.front(), "guessed: the only column left", {}};
+        machine_.open.clear();
+      } else {
+        choice.rivals = machine_.open;
+      }
+    }
+    if (choice.column == nullptr) {
+      proposal_.questions.push_back(
+          choice.rivals.empty()  ? question_of_no_drive(machine_.columns)
+          : choice.doubt.empty() ? question_of_drives(choice.rivals, machine_.motion_of_drive())
+                                 : question_of_doubt(choice, machine_.open));
+      if (has_motion && !choice.rivals.empty())
+        offer_goals(machine_.columns, proposal_.questions.back());
+      machine_.likely_drive = choice.rivals.empty() ? nullptr : choice.rivals.front();
+      return;
+    }
+    machine_.drive = machine_.likely_drive = choice.column;
+    add_guess(proposal_, "drive", fmt::format("'{}'", machine_.drive->name), choice.reason);
+    if (!choice.doubt.empty()) proposal_.notes.push_back(choice.doubt);
+    note_reference(*machine_.drive, proposal_.notes);
+    if (!machine_.drive->words.odd_unit.empty()) ask_unit_of_drive();
+    find_wrap_of_drive();
+  }
+
+  // The drive of a position servo: the difference of its goal and the position.
+  void take_goal() {
+    machine_.motion = machine_.motion_of_drive();  // for the words of the note
+    add_guess(proposal_, "drive", fmt::format("'{}' - position", machine_.drive->name),
+              "you said so: the goal of a servo");
+    proposal_.notes.push_back(fmt::format(
+        "'{}' is a reference: the servo drives by what is left to it, taken as 1 {} for each {} of "
+        "goal - position (--gain states another). All sizes are relative to this gain of the "
+        "servo's, and a stiffness that is found is a part of it",
+        machine_.drive->name, machine_.force_unit(), machine_.is_linear() ? "m" : "rad"));
+  }
+
+  // A drive but a force or torque may be in a unit of its own: its gain is not known either.
+  void ask_unit_of_drive() {
+    const LogQuantity quantity = machine_.drive->words.quantity;
+    const bool is_own = unit_as_written(machine_.drive->words.odd_unit).empty();
+    if (is_own && quantity != LogQuantity::kForce && !machine_.request.gain) {
+      proposal_.notes.push_back(
+          fmt::format("'{}' is no unit that graybox knows: '{}' is taken as recorded",
+                      machine_.drive->words.odd_unit, machine_.drive->name));
+      return;
+    }
+    std::vector<std::string> units{"A", "mA"};
+    const bool moves_linearly = machine_.motion_of_drive() == MotionKind::kLinear;
+    if (quantity == LogQuantity::kForce) units = {"N m", "mN m", "N"};
+    if (quantity == LogQuantity::kForce && moves_linearly) units = {"N", "kN", "N m"};
+    if (quantity == LogQuantity::kVoltage) units = {"V", "mV"};
+    if (quantity == LogQuantity::kCommand) units = {"V", "A", "1"};
+    units.emplace_back("%");
+    const bool is_torque = quantity == LogQuantity::kForce && !moves_linearly &&
+                           machine_.drive->words.motion == MotionKind::kRotary;
+    proposal_.questions.push_back(
+        question_of_unit(*machine_.drive, is_torque ? "torque" : name_of(quantity), units));
+  }
+
+  // A signed number that was read as unsigned, in any of the logs.
+  void find_wrap_of_drive() {
+    for (const LogRecording& recording : machine_.recordings) {
+      const LogColumn& column = recording.at(machine_.drive->file, machine_.drive->name);
+      const Eigen::VectorXd recorded = without_gaps(column.values) / column.words.unit_factor;
+      const std::optional<CounterWrap> wrap = find_wrap(recorded, 0.0);
+      if (!wrap) continue;
+      machine_.drive_period = wrap->period * column.words.unit_factor;
+      proposal_.notes.push_back(fmt::format(
+          "'{}' jumps by 2^{:g}, as a number with a sign does that was read without: it is "
+          "unwrapped",
+          machine_.drive->name, std::log2(wrap->period)));
+      machine_.drive_wrap = fmt::format(", bits: {:g}", std::log2(wrap->period));
+      return;
+    }
+  }
+
+  MassMachine& machine_;
+  ModelProposal& proposal_;
+};
+
+}  // namespace
+
+void find_drive(MassMachine& machine, ModelProposal& proposal) {
+  DriveSearch(machine, proposal).run();
+}
+
+}  // namespace graybox

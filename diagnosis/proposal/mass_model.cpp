@@ -1,0 +1,230 @@
+#include "diagnosis/proposal/mass_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "diagnosis/first_masses/one_mass_start.hpp"
+#include "diagnosis/proposal/drive_manner.hpp"
+#include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/signal_faults/counter_wrap.hpp"
+
+namespace graybox {
+namespace {
+
+struct SpringStart {
+  TwoMassStart values;
+  std::string reason;
+};
+
+class MassModel {
+ public:
+  MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
+      : machine_(machine), time_(time), proposal_(proposal) {}
+
+  std::string text() {
+    std::string text =
+        fmt::format("# Proposed by `{}`: {}. Change what is wrong.\n", machine_.request.command,
+                    machine_.has_two ? "two masses and a spring" : "a mass with viscous friction");
+    text += "format: graybox-lumped/1\n";
+    const double step = time_.sample_time;
+    text += step > 0.0 ? fmt::format("{:<46} # s\n", fmt::format("sample_time: {:g}", step))
+                       : "sample_time: ANSWER  # ANSWER: s, as in campaign.yaml\n";
+    text += fmt::format("motion: {}\n", machine_.is_linear() ? "translation" : "rotation");
+    text += machine_.has_two ? two_masses() : masses();
+    const std::string driven = machine_.has_two ? "motor" : "axis";
+    text += fmt::format("inputs:\n  - {{name: {}, mass: {}}}\noutputs:\n", machine_.force_name(),
+                        driven);
+    for (std::size_t k = 0; k < machine_.motions.size(); ++k) {
+      text += fmt::format("  - {{name: {}, mass: {}, quantity: {}}}\n", machine_.motion_name(k),
+                          machine_.has_two ? machine_.sides[k] : driven,
+                          machine_.motions[k].is_velocity ? "velocity" : "position");
+    }
+    if (machine_.motions.empty()) {
+      text += fmt::format("  - {{name: {}, mass: {}, quantity: position}}\n",
+                          machine_.is_linear() ? "position" : "angle", driven);
+    }
+    return text;
+  }
+
+ private:
+  [[nodiscard]] std::string inertia_unit() const { return machine_.is_linear() ? "kg" : "kg m^2"; }
+
+  [[nodiscard]] bool can_compute() const {
+    return proposal_.questions.empty() && machine_.drive != nullptr && !machine_.motions.empty();
+  }
+
+  // At even times.
+  [[nodiscard]] Eigen::VectorXd force() const {
+    if (machine_.has_goal()) return machine_.force_factor * machine_.even.of(machine_.driving());
+    Eigen::VectorXd values = without_gaps(machine_.drive->values);
+    if (machine_.drive_period > 0.0) values = unwrapped(values, machine_.drive_period);
+    return machine_.force_factor * machine_.even.of(values);
+  }
+
+  [[nodiscard]] Eigen::VectorXd motion(std::size_t k) const {
+    return machine_.even.of(machine_.motions[k].values(machine_.log));
+  }
+
+  [[nodiscard]] OneMassStart one_mass_start() const {
+    return start_one_mass({force(), motion(0), machine_.motions[0].is_velocity,
+                           !machine_.is_linear(), time_.sample_time});
+  }
+
+  // As --column takes it: "-deg", "-0.1 deg".
+  static std::string reversed_unit(const MotionChoice& motion) {
+    const double factor = -motion.column->words.unit_factor;
+    if (factor == -1.0) return "-" + motion.unit;
+    return factor == 1.0 ? motion.unit : fmt::format("{:g} {}", factor, motion.unit);
+  }
+
+  // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
+  // same but for a velocity beside the position, which is a third witness: two that agree are
+  // believed. A weight is none, since its direction is not known.
+  void doubt_sign(const OneMassStart& start) {
+    const MotionChoice& motion = machine_.motions.front();
+    const std::string drive = fmt::format("for the drive --gain={:g}", -machine_.force_factor),
+                      encoder = fmt::format(
+                          "for the encoder --column '{}={}:{}'", motion.column->name,
+                          motion.is_velocity ? "velocity" : "position", reversed_unit(motion));
+    std::string who = fmt::format(
+        "'{}' (drive) or '{}' (encoder) is reversed, and this log can't "
+        "tell which: say {}, or {}",
+        machine_.drive->name, motion.column->name, drive, encoder);
+    if (motion.rate < 0.0) {
+      who = fmt::format(
+          "'{}' (encoder) is reversed: '{}' agrees with the drive, and the rate of "
+          "the encoder with neither: say {}",
+          motion.column->name, motion.other->name, encoder);
+    } else if (motion.rate > 0.0) {
+      who = fmt::format("'{}' (drive) is reversed, or both '{}' and '{}', which agree: say {}",
+                        machine_.drive->name, motion.column->name, motion.other->name, drive);
+    }
+    proposal_.notes.push_back(fmt::format(
+        "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
+        "speeds up against its drive. Either a spring or a weight holds the axis, and the signs "
+        "are "
+        "right as they are; or {} (start values are those of the turned drive)",
+        start.inertia, inertia_unit(), 100.0 * start.spread, who));
+  }
+
+  // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
+  std::string weight(const OneMassStart& start) {
+    const bool is_needed = start.told == OneMassTold::kInertia &&
+                           (start.sine != 0.0 || start.cosine != 0.0) && !machine_.has_goal() &&
+                           manner_of_drive(*machine_.drive, machine_.recordings).has_one_sign;
+    if (!is_needed) return "";
+    const char* why = "the drive never changes its sign, and the axis comes back";
+    add_guess(proposal_, "weight",
+              fmt::format("{:.3g} {} at most", std::hypot(start.sine, start.cosine),
+                          machine_.force_unit()),
+              fmt::format("{}; it is fitted", why));
+    return fmt::format(
+        "{:<46} # {}\n    location: {{kind: element, mass: axis}}\n    law: gravity\n"
+        "    parameters: {{sine: {{value: {:.4g}, unit: N m}}, cosine: {{value: {:.4g}, unit: N "
+        "m}}}}\n",
+        "  - name: weight", why, start.sine, start.cosine);
+  }
+
+  std::string masses() {
+    OneMassStart start;
+    std::string why = machine_.request.no_drive ? "no force acts: all else is relative to it"
+                                                : "guessed: open until the questions are answered";
+    if (can_compute()) {
+      start = one_mass_start();
+      switch (start.told) {
+        case OneMassTold::kInertia:
+          why = "a start: least squares of the motion on the drive and friction";
+          break;
+        case OneMassTold::kReversed:
+          why = "guessed: negative; is the drive reversed, or the encoder?";
+          doubt_sign(start);
+          break;
+        case OneMassTold::kNothing:
+          why = start.has_value ? "guessed: the log hardly shows an inertia"
+                                : "guessed: the log shows no inertia";
+      }
+    }
+    const std::string damping_unit = machine_.is_linear() ? "N s/m" : "N m s/rad";
+    add_guess(proposal_, "mass", fmt::format("{:.3g} {}", start.inertia, inertia_unit()),
+              why + (machine_.request.no_drive ? "; it is held" : "; it is fitted"));
+    add_guess(proposal_, "damping", fmt::format("{:.3g} {}", start.damping, damping_unit),
+              machine_.request.no_drive ? "guessed; it is fitted" : "the same");
+    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start.inertia),
+                       inertia_unit(), why) +
+           fmt::format(
+               "elements:\n  - name: bearing\n    location: {{kind: element, mass: axis}}\n"
+               "    law: viscous\n"
+               "    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
+               start.damping, damping_unit) +
+           weight(start);
+  }
+
+  SpringStart spring_start() {
+    if (can_compute() && machine_.motions.size() == 2 &&
+        machine_.motions[0].is_velocity == machine_.motions[1].is_velocity) {
+      const auto found = start_two_masses(force(), motion(0), motion(1),
+                                          machine_.motions[0].is_velocity, time_.sample_time);
+      if (found) return {*found, "a start: least squares of both equations of motion"};
+    }
+    double total = 0.01;
+    if (can_compute()) {
+      const Eigen::VectorXd motor = motion(0);
+      const auto found =
+          start_one_encoder(force(), motor, machine_.motions[0].is_velocity, time_.sample_time);
+      if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
+      const OneMassStart one = one_mass_start();
+      if (one.told == OneMassTold::kInertia) total = one.inertia;
+    }
+    constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s
+    return {{0.5 * total, 0.5 * total, 0.25 * total * kGuess * kGuess, 0.01 * total * kGuess},
+            "a start: both alike, a resonance at 20 Hz"};
+  }
+
+  std::string two_masses() {
+    SpringStart start = spring_start();
+    TwoMassStart& values = start.values;
+    const double critical = std::sqrt(values.stiffness * std::min(values.motor, values.load));
+    if (!(values.damping > 0.0)) values.damping = 0.02 * critical;
+    const std::string stiffness = machine_.is_linear() ? "N/m" : "N m/rad",
+                      damping = machine_.is_linear() ? "N s/m" : "N m s/rad";
+    add_guess(proposal_, "masses",
+              fmt::format("{:.3g} and {:.3g} {}", values.motor, values.load, inertia_unit()),
+              start.reason + "; they are fitted");
+    add_guess(proposal_, "spring", fmt::format("{:.3g} {}", values.stiffness, stiffness),
+              "the same");
+    std::string text = fmt::format(
+        "{:<46} # {}; {}\n",
+        fmt::format("masses: {{motor: {:.4g}, load: {:.4g}}}", values.motor, values.load),
+        inertia_unit(), start.reason);
+    text += fmt::format(
+        "elements:\n  - name: coupling\n    location: {{kind: element, between: [motor, load]}}\n"
+        "    law: stiffness\n    parameters: {{stiffness: {{value: {:.4g}, unit: {}}}}}\n"
+        "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
+        "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
+        values.stiffness, stiffness, values.damping, damping);
+    if (machine_.motions.size() == 2 && !machine_.motions[1].is_velocity && can_compute()) {
+      const double zero = (motion(1) - motion(0)).mean();
+      text += fmt::format(
+          "  - name: load_zero                            # the sensors' zeros differ\n"
+          "    location: {{kind: sensor, output: {}}}\n    law: offset\n"
+          "    parameters: {{value: {{value: {:.4g}, unit: {}}}}}\n",
+          machine_.motion_name(1), zero, machine_.is_linear() ? "m" : "rad");
+    }
+    return text;
+  }
+
+  const MassMachine& machine_;
+  const LogTime& time_;
+  ModelProposal& proposal_;
+};
+
+}  // namespace
+
+std::string mass_model_text(const MassMachine& machine, const LogTime& time,
+                            ModelProposal& proposal) {
+  return MassModel(machine, time, proposal).text();
+}
+
+}  // namespace graybox

@@ -1,0 +1,138 @@
+#include "diagnosis/proposal/mass_times.hpp"
+
+#include <fmt/format.h>
+
+#include <optional>
+#include <string>
+
+#include "diagnosis/signal_faults/held_values.hpp"
+
+namespace graybox {
+namespace {
+
+// Ticks of a clock that were not taken for the time.
+void doubt_even_rows(const LogRecording& log, double sample_time, ModelProposal& proposal) {
+  const LogColumn* ticks = ticking_column(log);
+  if (ticks == nullptr) return;
+  const auto [fewest, most] = steps_between_rows(*ticks);
+  const std::string option =
+      fmt::format("--column '{}=time:UNIT', with a factor as in 'time:0.125 ms'", ticks->name);
+  if (!(sample_time > 0.0)) {
+    proposal.questions.back().text +=
+        fmt::format(" '{}' rises by {:g} to {:g} a row.", ticks->name, fewest, most);
+    proposal.questions.back().option += ", or if that is the time " + option;
+    return;
+  }
+  constexpr double kEven = 1.1;
+  if (most <= kEven * fewest) return;
+  proposal.notes.push_back(
+      fmt::format("'{}' rises by {:g} to {:g} a row: if it is the time, the rows are not even, and "
+                  "--sample-time is wrong; say {} in its place",
+                  ticks->name, fewest, most, option));
+}
+
+// A command is held between samples; what was measured goes on between them.
+void hold_as_measured(const MassMachine& machine, CampaignDraft& draft) {
+  const bool is_measured = machine.drive != nullptr && machine.drive->words.is_measured &&
+                           !machine.drive->words.is_reference &&
+                           machine.drive->words.quantity != LogQuantity::kCommand;
+  if (!is_measured && !machine.has_goal()) return;
+  draft.hold = "first";
+  draft.hold_reason =
+      machine.has_goal() ? "the difference goes on between samples" : "the drive was measured";
+}
+
+// A motion that was measured at a slower rate than logged: one of so many samples is taken.
+void take_held_motion(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  if (!(draft.time.sample_time > 0.0)) return;
+  for (const MotionChoice& motion : machine.motions) {
+    if (motion.column == nullptr) continue;
+    const std::optional<HeldValues> held = find_held_values(without_gaps(motion.column->values));
+    if (!held) continue;
+    machine.raw_step = draft.time.sample_time;
+    draft.time.every = held->samples;
+    draft.time.from = held->first % held->samples;
+    draft.time.sample_time =
+        rounded_step(static_cast<double>(held->samples) * draft.time.sample_time);
+    if (draft.time.column.empty()) {
+      constexpr double kBelow = 0.4;  // of the slower rate
+      draft.decimation = held->samples;
+      draft.low_pass = std::stod(fmt::format("{:.3g}", kBelow / draft.time.sample_time));
+      draft.low_pass_reason = "before samples are left out";
+    } else {
+      draft.time.is_even = false;
+      draft.time.of_step = "one of so many samples";
+    }
+    add_guess(proposal, "held", fmt::format("'{}'", motion.column->name),
+              fmt::format("each value for {} samples: one of {} is taken, every {:g} s",
+                          held->samples, held->samples, draft.time.sample_time));
+    return;
+  }
+}
+
+// A drive that was read more rarely than the motion: between its readings nobody knows what acts.
+void note_held_drive(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
+  if (machine.drive == nullptr || !(time.sample_time > 0.0) || time.every > 1) return;
+  const std::optional<HeldValues> held = find_held_values(without_gaps(machine.drive->values));
+  if (!held) return;
+  proposal.notes.push_back(fmt::format(
+      "'{}' has a new value every {} rows: it is read every {:g} s, the motion every "
+      "{:g} s. Unless the command itself is held so, what drives between is not "
+      "known, and the mass may come out wrong",
+      machine.drive->name, held->samples,
+      rounded_step(static_cast<double>(held->samples) * time.sample_time), time.sample_time));
+}
+
+}  // namespace
+
+void find_times(MassMachine& machine, LogTime& time, ModelProposal& proposal) {
+  time = find_time(machine.log, machine.request.sample_time);
+  for (const LogColumn& column : machine.log.columns) {
+    const bool is_time = column.name == time.column && column.file == time.file;
+    if (!is_time && column.words.quantity != LogQuantity::kTime) machine.columns.push_back(&column);
+  }
+  const AnswerChoice counts{"it numbers samples", {fmt::format("{}=ignore", time.column)}};
+  propose_time(time, {counts}, proposal);
+  if (time.column.empty()) doubt_even_rows(machine.log, time.sample_time, proposal);
+}
+
+void take_held_values(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  if (!draft.time.is_even) draft.hold = "first";
+  hold_as_measured(machine, draft);
+  take_held_motion(machine, draft, proposal);
+  note_held_drive(machine, draft.time, proposal);
+}
+
+Eigen::Index first_of_held(const MassMachine& machine, const LogTime& time,
+                           const DraftExperiment& experiment) {
+  const LogColumn* column = machine.motions.front().column;
+  const LogColumn& here = machine.recordings[experiment.recording].at(column->file, column->name);
+  const Eigen::Index count = experiment.last - experiment.first + 1;
+  const std::optional<HeldValues> held =
+      find_held_values(without_gaps(here.values.segment(experiment.first, count)));
+  if (held) return held->first % time.every;
+  const Eigen::Index behind = (time.from - experiment.first) % time.every;
+  return behind < 0 ? behind + time.every : behind;
+}
+
+void note_sparse_rows(const CampaignDraft& draft, const LogRecording& log,
+                      std::vector<std::string>& notes) {
+  const LogTime& time = draft.time;
+  if (time.is_even || time.column.empty() || !(time.sample_time > 0.0)) return;
+  constexpr double kMeasured = 0.5;  // of the samples
+  const Eigen::VectorXd stamps = time.seconds() * log.at(time.file, time.column).values;
+  for (const DraftExperiment& each : draft.experiments) {
+    if (each.recording != 0 || each.last <= each.first) continue;
+    const auto rows = static_cast<double>((each.last - each.first) / time.every + 1);
+    const double samples = 1.0 + (stamps(each.last) - stamps(each.first)) / time.sample_time;
+    if (rows >= kMeasured * samples) continue;
+    notes.push_back(fmt::format(
+        "{} has {:.0f} rows for {:.0f} samples of {:g} s: {:.0f} % of them would be interpolated "
+        "between rows, and prove nothing; record at even times, or cut such rows out in "
+        "campaign.yaml (segments)",
+        each.is_validation ? "what is kept out" : "what is fitted", rows, samples, time.sample_time,
+        100.0 * (1.0 - rows / samples)));
+  }
+}
+
+}  // namespace graybox
