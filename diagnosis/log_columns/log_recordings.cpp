@@ -33,6 +33,7 @@ struct LogFile {
   ColumnWords words;  // of its name
   std::optional<double> sample_time;
   std::vector<std::string> remarks = {};
+  std::vector<std::string> left_out = {};
 
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
 };
@@ -87,6 +88,7 @@ LogFile read_log(const std::filesystem::path& path) {
     log.columns.back().origin = column.origin;
   }
   log.remarks = std::move(file.remarks);
+  log.left_out = std::move(file.left_out);
   return log;
 }
 
@@ -138,6 +140,7 @@ LogRecording joined_files(std::vector<LogFile> files) {
   for (std::size_t k = 0; k < files.size(); ++k) {
     recording.files.push_back(files[k].path);
     if (files[k].sample_time) recording.sample_time = files[k].sample_time;
+    std::ranges::move(files[k].left_out, std::back_inserter(recording.left_out));
     for (LogColumn& column : files[k].columns) {
       column.file = k;
       recording.columns.push_back(std::move(column));
@@ -231,7 +234,9 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
       column->words.motion = motion_of_unit(answer.unit);
     }
   }
-  if (!meant.empty()) return;
+  const bool is_left_out = answer.quantity == LogQuantity::kOther &&
+                           std::ranges::count(recording.left_out, answer.names) > 0;
+  if (!meant.empty() || is_left_out) return;
   std::string names;
   for (const LogColumn& column : recording.columns) {
     names += (names.empty() ? "'" : ", '") + column.name + "'";

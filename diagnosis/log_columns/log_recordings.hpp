@@ -45,7 +45,8 @@ struct LogRecording {
   std::vector<std::filesystem::path> files;
   std::vector<std::string> keys;  // one a file: "position", ...; a single file has ""
   std::vector<LogColumn> columns;
-  std::optional<double> sample_time;  // s, as a file states it
+  std::vector<std::string> left_out = {};  // columns of words, of its files
+  std::optional<double> sample_time;       // s, as a file states it
   // A part of its files, from that row on (0: the first), where their clock begins anew.
   bool is_part = false;
   Eigen::Index first_row = 0;

@@ -138,6 +138,9 @@ class MotionSearch {
     take_motion(choose_motion(load, context), "load");
   }
 
+  // Of the larger correlation with the drive: where the smaller is as large, both may be driven.
+  static constexpr double kAlike = 0.6;
+
   // Two positions, or two velocities, without words for their side: the driven one follows the
   // force at once.
   void split_by_data(Columns& open, Columns& motor, Columns& load) {
@@ -158,10 +161,28 @@ class MotionSearch {
     const std::size_t driven = first >= second ? 0 : 1;
     motor = {measured[driven]};
     load = {measured[1 - driven]};
+    const double more = std::max(first, second), less = std::min(first, second);
     add_guess(
         proposal_, "driven mass", fmt::format("'{}'", motor.front()->name),
         fmt::format("its acceleration follows the drive: correlation {:.2f}, of the other {:.2f}",
-                    std::max(first, second), std::min(first, second)));
+                    more, less));
+    if (less > kAlike * more) ask_once(proposal_, question_of_driven(measured, is_velocity));
+  }
+
+  // Both follow the drive about as much.
+  static OpenQuestion question_of_driven(const Columns& measured, bool is_velocity) {
+    const std::string quantity = is_velocity ? "velocity" : "position";
+    OpenQuestion question;
+    question.text = fmt::format("Which mass does the drive act on, that of '{}' or of '{}'?",
+                                measured[0]->name, measured[1]->name);
+    for (const std::size_t driven : {std::size_t{0}, std::size_t{1}}) {
+      const std::string &motor = measured[driven]->name, &load = measured[1 - driven]->name;
+      question.choices.push_back(
+          {motor, {motor + "=" + quantity + "@motor", load + "=" + quantity + "@load"}});
+    }
+    const std::vector<std::string>& likely = question.choices.front().columns;
+    question.option = fmt::format("--column '{}' --column '{}', say", likely[0], likely[1]);
+    return question;
   }
 
   MassMachine& machine_;

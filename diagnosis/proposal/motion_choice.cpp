@@ -146,13 +146,15 @@ class MotionUnitChoice {
     }
   }
 
-  // Units that fit, and yet not quite.
+  // Units that fit, and yet not quite. A velocity's noise makes the factor of least squares less by
+  // its share of the squares, which is about what they leave.
   void note_factor() {
-    constexpr double kQuite = 0.03;
+    constexpr double kQuite = 0.03, kOfNoise = 1.5;
     if (!units_.is_found) return;
+    const double quite = std::max(kQuite, kOfNoise * fit_->misfit * fit_->misfit);
     const double ratio = std::abs(fit_->factor) * find_unit(units_.position)->factor /
                          find_unit(units_.velocity)->factor;
-    if (std::abs(ratio - 1.0) < kQuite) return;
+    if (std::abs(ratio - 1.0) < quite) return;
     choice_.notes.push_back(
         fmt::format("the rate of '{}' is {:.3g} times '{}': a velocity that is scaled, or time "
                     "stamps that are",

@@ -223,12 +223,14 @@ void leave_out_words(std::vector<ColumnContent>& contents, RecordingFile& file) 
       ++k;
       continue;
     }
-    if (content.words <= content.numbers) {
+    const bool has_comma = content.word.find(',') != std::string::npos;  // a decimal one
+    if (content.words <= content.numbers || has_comma) {
       (void)number_in_table(file.path, content.line, column, content.word);  // throws
     }
     file.remarks.push_back(
         fmt::format("{}: column {} holds words as '{}', no numbers, so it is left out", file.path,
                     column, shortened(content.word, kShownOfField)));
+    file.left_out.push_back(file.columns[k].name);
     contents.erase(contents.begin() + static_cast<std::ptrdiff_t>(k));
     file.columns.erase(file.columns.begin() + static_cast<std::ptrdiff_t>(k));
   }

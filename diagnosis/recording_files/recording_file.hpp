@@ -51,6 +51,7 @@ struct RecordingFile {
   std::vector<std::string> unclear_arrays;  // whose axes leave open which of them is time
   std::optional<double> sample_time;        // s, as the file states it
   std::vector<std::string> remarks = {};    // what the reader made of an odd file
+  std::vector<std::string> left_out = {};   // columns of words
 
   // By name, number or whole title. Null if there is none.
   [[nodiscard]] const RecordedColumn* find(const std::string& name) const;

@@ -194,11 +194,23 @@ bool predicts_nothing(const FoundEffect& effect, const Diagnosis& diagnosis) {
   return !diagnosis.noise_is_known && effect.held_out && effect.held_out->error_with >= kAll;
 }
 
+// A law of which no size is told from zero may be any other.
+bool has_no_size(const FittedLaw& law) {
+  bool any = false;
+  for (const LawParameterEstimate& estimate : law.parameters) {
+    if (!sets_size(estimate) || !(estimate.standard_error > 0.0)) continue;
+    if (std::abs(estimate.value) > estimate.standard_error) return false;
+    any = true;
+  }
+  return any;
+}
+
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  const bool is_doubtful = is_not_confirmed(effect) || predicts_nothing(effect, diagnosis);
+  const bool is_doubtful =
+      is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) || has_no_size(effect.law);
   const std::string found =
       fmt::format("{}: {} ({}): {}.", is_doubtful ? "Not confirmed" : "Found",
                   effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),

@@ -262,6 +262,56 @@ TEST_F(Model, OptionsThatContradictOrChangeNothingAreRefused) {
   EXPECT_EQ(graybox("model log.csv -o a --sample-time 0.005").exit_code, 0);
 }
 
+// A column of words needs no answer, and may have one.
+TEST_F(Model, ColumnsOfWordsMayBeIgnored) {
+  std::string text = "time [s],torque [Nm],speed [rad/s],state\n";
+  double speed = 0.0;
+  for (int k = 0; k < 400; ++k) {
+    const double torque = (k / 50) % 2 == 0 ? 1.0 : -0.6;
+    text += fmt::format("{:.2f},{},{:.6g},RUNNING\n", 0.01 * k, torque, speed);
+    speed += 0.01 * (torque - 0.05 * speed) / 0.02;
+  }
+  write_text(folder_.file("log.csv"), text);
+  for (const char* answer : {"", " --column state=ignore"}) {
+    const Outcome model = graybox(fmt::format("model log.csv -o out --overwrite{}", answer));
+    EXPECT_EQ(model.exit_code, 0) << model.err;
+    EXPECT_NE((model.out + model.err).find("'state' holds words"), std::string::npos) << model.err;
+  }
+  expect_refused("model log.csv -o out --overwrite --column stat=ignore", "no such column");
+}
+
+// Two shafts that follow the drive alike: nobody knows which it drives.
+TEST_F(Model, TheDrivenOfTwoMassesIsAskedWhereBothFollowTheDrive) {
+  const auto written = [&](double of_second) {
+    std::string text = "time [s],torque [Nm],q1 [rad],q2 [rad]\n";
+    double q[2] = {0.0, 0.0}, v[2] = {0.0, 0.0};
+    std::uint64_t state = 1;
+    for (int k = 0; k < 600; ++k) {
+      state = 6364136223846793005ULL * state + 1442695040888963407ULL;
+      const double torque = static_cast<double>(state >> 40) / 8388608.0 - 1.0;
+      text += fmt::format("{:.2f},{:.6g},{:.9g},{:.9g}\n", 0.01 * k, torque, q[0], q[1]);
+      for (const int side : {0, 1}) {
+        v[side] += 0.01 * ((side == 0 ? 1.0 : of_second) * torque +
+                           (side == 0 ? 0.0 : 5.0) * (q[0] - q[1]) - 0.2 * v[side]);
+        q[side] += 0.01 * v[side];
+      }
+    }
+    write_text(folder_.file("log.csv"), text);
+  };
+  written(0.9);
+  const Outcome asked = graybox("model --two-masses log.csv -o out");
+  EXPECT_EQ(asked.exit_code, 2) << asked.out;
+  EXPECT_NE((asked.out + asked.err).find("Which mass does the drive act on"), std::string::npos)
+      << asked.out << asked.err;
+  const Outcome answered = graybox(
+      "model --two-masses log.csv -o out --overwrite --column 'q1=position@motor' "
+      "--column 'q2=position@load'");
+  EXPECT_EQ(answered.exit_code, 0) << answered.out << answered.err;
+  written(0.0);
+  const Outcome told = graybox("model --two-masses log.csv -o out --overwrite");
+  EXPECT_EQ(told.exit_code, 0) << told.out << told.err;
+}
+
 TEST_F(Model, DegreesAreToldFromTheVelocity) {
   write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare", 180.0 / 3.14159265358979));
   const Outcome outcome = graybox("model log.csv -o a");

@@ -414,6 +414,21 @@ TEST_F(LogReading, TimeStampsAreSeconds) {
   testing::expect_refused([&] { table("t,q,u", {"12.5", "12:00:00.0"}, ","); }, "is no number");
 }
 
+// A column of states, or of hexadecimal flags, is none of samples; a word among numbers is damage.
+TEST_F(LogReading, ColumnsOfWordsAreLeftOutAndWordsAmongNumbersRefused) {
+  testing::write_text(folder_.file("s.csv"),
+                      "t,state,q,flags\n0,RUNNING,1,0x0000\n1,STOPPED,2,0x0001\n2,,3,7\n");
+  const RecordingFile file = read_recording_file(folder_.file("s.csv"));
+  ASSERT_EQ(file.columns.size(), 2U);
+  EXPECT_EQ(file.at("q").values, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(file.left_out, (std::vector<std::string>{"state", "flags"}));
+  ASSERT_EQ(file.remarks.size(), 2U);
+  EXPECT_NE(file.remarks[0].find("'state' holds words as 'RUNNING'"), std::string::npos);
+  testing::write_text(folder_.file("s.csv"), "t,q\n0,1\n1,ERROR\n2,ERROR\n3,4\n");
+  testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); },
+                          "line 3, column 'q': 'ERROR' is no number");
+}
+
 TEST_F(LogReading, ADayAboveTheHeaderIsATitleAndRecordsMayHoldStamps) {
   testing::write_text(folder_.file("s.csv"), "Log\n2024-05-01\nt,q\n0,1\n1,2\n");
   EXPECT_EQ(read_recording_file(folder_.file("s.csv")).at("q").values, Eigen::Vector2d(1.0, 2.0));

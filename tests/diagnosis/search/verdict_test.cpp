@@ -208,6 +208,17 @@ TEST(VerdictWords, FindNothingThatPredictsNothing) {
   }
 }
 
+// 28 ± 185 N/m may be any spring, or none.
+TEST(VerdictWords, FindNoLawOfWhichNoSizeIsTold) {
+  Diagnosis diagnosis = explained();
+  const auto words_with = [&](double error) {
+    diagnosis.effects[0].law.parameters = {{"stiffness", "N m/rad^3", 28.0, error}};
+    return fmt::format("{}", fmt::join(verdict_words(diagnosis, kHypotheses), "\n"));
+  };
+  EXPECT_NE(words_with(185.0).find("Not confirmed: "), std::string::npos);
+  EXPECT_NE(words_with(2.0).find("Found: "), std::string::npos);
+}
+
 // One way both are one; both ways, or beside dry friction, they are not.
 TEST(AnswerAdvice, CallsAConstantForceDryFrictionWhereTheMotionGoesOneWay) {
   const std::vector<Hypothesis> hypotheses{{"axis", "", "offset", {}}, {"axis", "", "coulomb", {}}};
