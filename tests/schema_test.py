@@ -54,6 +54,7 @@ CASES = [
     ("verdict", f"diagnose {EXAMPLES}/diagnose/rotor.yaml rotor --json --time-limit 6 -o r", None),
     ("criteria", "design criteria set.h5 --json", None),
     ("plan", "design plan set.h5 --target sd(all)<=0.3 --json -o {file}", "plan"),
+    ("plan", "design plan set.h5 --target sd(0)<=0.3 --costs 2 --json -o {file}", "plan"),
     ("report", "design robust set.h5 --largest-share 0.5 --of-positions 0.1 --json -o {file}",
      "design"),
     ("report", "design robust --grid 40 --samples 3 --json", None),

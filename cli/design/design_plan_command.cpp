@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,7 +25,9 @@
 #include "problems/base/error.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "solvers/exact/exact_design_file.hpp"
+#include "solvers/planning/cost_plan.hpp"
 #include "solvers/planning/experiment_plan.hpp"
+#include "solvers/planning/plan_request.hpp"
 
 namespace graybox::cli {
 namespace {
@@ -36,6 +39,7 @@ struct PlanArguments {
   std::vector<std::string> targets, detections;
   double power = 0.9, level = 0.05;
   double noise = 1.0;
+  double gap = 1e-3;
   PlanOptions options{.at_most = 1000, .time_limit = 60.0, .seed = 1, .threads = 1};
   RequestArguments request;
   std::string experiments, table, output;
@@ -43,25 +47,13 @@ struct PlanArguments {
 };
 
 void require_consistent(const PlanArguments& arguments, const DesignRequest& request) {
-  if (request.budget.has_value() || !request.costs.empty()) {
-    throw InputError("costs: a plan counts experiments; take 'graybox exact --budget' for costs");
-  }
-  if (request.experiments.has_value()) {
-    throw InputError("experiments: their number is what a plan finds; limit it by --at-most");
-  }
-  if (!request.block_sizes.empty()) {
-    throw InputError(
-        "block_sizes: they fix the number of experiments, which a plan finds; limit blocks by "
-        "constraints");
-  }
-  if (!(arguments.noise > 0.0) || !std::isfinite(arguments.noise)) {
-    throw InputError("noise: a positive factor of the noise that the set assumes");
-  }
-  if (arguments.noise != 1.0 && !request.prior.empty()) {
-    throw InputError("noise: scale the matrix of --prior yourself, the factor is the set's alone");
-  }
+  require_plannable(request, arguments.noise);
   if (arguments.experiments.empty() != arguments.table.empty()) {
     throw InputError("--table FILE and --experiments LIST (as 10:40) go together");
+  }
+  if (has_costs(request) && !arguments.table.empty()) {
+    throw InputError(
+        "--table counts experiments, without costs; plan once for each target instead");
   }
 }
 
@@ -81,14 +73,6 @@ std::vector<PrecisionTarget> read_targets(const PlanArguments& arguments,
   return all;
 }
 
-ConstraintsOf constraints_of(const DesignRequest& request, const InformationSet& set) {
-  return [&request, &set](std::int64_t experiments) {
-    DesignRequest now = request;
-    now.experiments = static_cast<double>(experiments);
-    return resolve(now, set);
-  };
-}
-
 std::string asked(const PlanArguments& arguments, const PrecisionTarget& target) {
   if (target.effect == 0.0) return fmt::format("sd({})", target.text);
   return fmt::format("{} by {:.4g} seen with power {:.4g}", target.text, target.effect,
@@ -99,30 +83,53 @@ double power_of(const PlanArguments& arguments, const PrecisionTarget& target, d
   return detection_power(target.effect / error, arguments.level);
 }
 
-std::string describe(const PlanArguments& arguments, const std::vector<PrecisionTarget>& targets,
-                     const ExperimentPlan& plan) {
-  std::string text;
+std::string describe_number(const PlanArguments& arguments, const ExperimentPlan& plan) {
   switch (plan.status) {
     case PlanStatus::kProven:
-      text = fmt::format("{} experiments reach every target; no smaller number does: proven\n",
+      return fmt::format("{} experiments reach every target; no smaller number does: proven\n",
                          plan.experiments);
-      break;
     case PlanStatus::kReached:
-      text = fmt::format(
+      return fmt::format(
           "{} experiments reach every target; at least {} are needed, what lies between is open\n",
           plan.experiments, plan.least);
-      break;
     case PlanStatus::kOutOfReach:
-      text = fmt::format("no design of {} experiments or fewer reaches every target: proven\n",
+      return fmt::format("no design of {} experiments or fewer reaches every target: proven\n",
                          arguments.options.at_most);
-      if (std::isfinite(plan.worst_ratio)) {
-        text +=
-            fmt::format("the worst error stays above {:.4g} times its limit\n", plan.worst_ratio);
-      }
-      break;
     case PlanStatus::kNotFound:
-      text = fmt::format("no design was found; at least {} experiments are needed\n", plan.least);
       break;
+  }
+  return fmt::format("no design was found; at least {} experiments are needed\n", plan.least);
+}
+
+std::string describe_cost(const PlanArguments& arguments, const BudgetProblem& problem,
+                          const CheapestPlan& plan) {
+  switch (plan.status) {
+    case PlanStatus::kProven:
+      return fmt::format(
+          "{} experiments for {:.8g} reach every target; none do for less than {:.8g}: proven\n",
+          plan.experiments(), plan.cost, plan.least_cost);
+    case PlanStatus::kReached:
+      return fmt::format(
+          "{} experiments for {:.8g} reach every target; at least {:.8g} is needed, what lies "
+          "between is open\n",
+          plan.experiments(), plan.cost, plan.least_cost);
+    case PlanStatus::kOutOfReach:
+      return fmt::format(
+          "no design of {} experiments or fewer for {:g} reaches every target: proven\n",
+          arguments.options.at_most, problem.budget);
+    case PlanStatus::kNotFound:
+      break;
+  }
+  return fmt::format("no design was found; at least {:.8g} is needed\n", plan.least_cost);
+}
+
+// What stands below the first line, of a plan of either kind.
+template <class Plan>
+std::string describe_rest(const PlanArguments& arguments,
+                          const std::vector<PrecisionTarget>& targets, const Plan& plan) {
+  std::string text;
+  if (plan.status == PlanStatus::kOutOfReach && std::isfinite(plan.worst_ratio)) {
+    text = fmt::format("the worst error stays above {:.4g} times its limit\n", plan.worst_ratio);
   }
   if (!plan.message.empty()) text += fmt::format("{}\n", plan.message);
   if (plan.counts.empty()) return text;
@@ -140,14 +147,14 @@ std::string describe(const PlanArguments& arguments, const std::vector<Precision
 }
 
 Json targets_json(const PlanArguments& arguments, const std::vector<PrecisionTarget>& targets,
-                  const ExperimentPlan& plan) {
+                  std::span<const double> errors) {
   Json list = Json::array();
   for (std::size_t j = 0; j < targets.size(); ++j) {
     Json entry{{"target", targets[j].text},
                {"standard_error_asked", targets[j].standard_error * arguments.noise}};
     if (targets[j].effect != 0.0) entry["effect"] = targets[j].effect;
-    if (!plan.counts.empty()) {
-      const double error = plan.standard_errors[j] * arguments.noise;
+    if (!errors.empty()) {
+      const double error = errors[j] * arguments.noise;
       entry["standard_error"] = error;
       if (targets[j].effect != 0.0) entry["power"] = power_of(arguments, targets[j], error);
     }
@@ -156,31 +163,34 @@ Json targets_json(const PlanArguments& arguments, const std::vector<PrecisionTar
   return list;
 }
 
-Json to_json(const PlanArguments& arguments, const InformationSet& set,
-             const std::vector<PrecisionTarget>& targets, const ExperimentPlan& plan) {
-  Json root{{"format", "graybox-design/1"},
-            {"solver", "plan"},
-            {"problem_hash", set.content_hash()},
-            {"candidates", set.candidate_count()},
-            {"dimension", set.dimension()},
-            {"status", to_string(plan.status)},
-            {"message", plan.message},
-            {"experiments", plan.experiments},
-            {"least_experiments", plan.least},
-            {"at_most", arguments.options.at_most},
-            {"power", arguments.power},
-            {"level", arguments.level},
-            {"noise", arguments.noise},
-            {"targets", targets_json(arguments, targets, plan)},
-            {"counts", counts_json(plan.counts)},
-            {"support", Json::array()}};
-  for (std::size_t i = 0; i < plan.counts.size(); ++i) {
-    if (plan.counts[i] == 0) continue;
+// What both kinds of plan write, without counts.
+template <class Plan>
+Json json_of(const PlanArguments& arguments, const InformationSet& set,
+             const std::vector<PrecisionTarget>& targets, const Plan& plan) {
+  return {{"format", "graybox-design/1"},
+          {"solver", "plan"},
+          {"problem_hash", set.content_hash()},
+          {"candidates", set.candidate_count()},
+          {"dimension", set.dimension()},
+          {"status", to_string(plan.status)},
+          {"message", plan.message},
+          {"at_most", arguments.options.at_most},
+          {"power", arguments.power},
+          {"level", arguments.level},
+          {"noise", arguments.noise},
+          {"targets", targets_json(arguments, targets, plan.standard_errors)}};
+}
+
+void add_counts(const std::vector<std::int64_t>& counts, std::int64_t experiments, Json& root) {
+  root["experiments"] = experiments;
+  root["counts"] = counts_json(counts);
+  root["support"] = Json::array();
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
     root["support"].push_back(
         {{"index", i},
-         {"weight", static_cast<double>(plan.counts[i]) / static_cast<double>(plan.experiments)}});
+         {"weight", static_cast<double>(counts[i]) / static_cast<double>(experiments)}});
   }
-  return root;
 }
 
 // "experiments,least_worst_ratio,worst_ratio,sd(k1),...,power(k1),...": false if it is not whole.
@@ -210,6 +220,44 @@ bool write_curve(const PlanArguments& arguments, const InformationSet& set, cons
   return points.size() == numbers.size();
 }
 
+// Writes and prints a plan of either kind.
+int answer(const PlanArguments& arguments, const ProjectedSet& read,
+           const std::vector<std::int64_t>& counts, const Json& result, const std::string& text,
+           PlanStatus status) {
+  const bool runs_any = std::ranges::any_of(counts, [](std::int64_t n) { return n > 0; });
+  const bool is_written = !arguments.output.empty() && runs_any;
+  if (is_written) write_text_file(arguments.output, result.dump(1) + "\n");
+  if (arguments.json) {
+    fmt::print("{}\n", result.dump());
+  } else {
+    fmt::print("{}{}", set_headline(read), text);
+    if (runs_any) fmt::print("{}", describe_counts(read.set, {.counts = counts}));
+    if (is_written) fmt::print("wrote {}\n", arguments.output);
+  }
+  return status == PlanStatus::kProven ? kDone : kShort;
+}
+
+int cheapest_plan(const PlanArguments& arguments, const ProjectedSet& read,
+                  const DesignRequest& request, const std::vector<PrecisionTarget>& targets) {
+  const InformationSet& set = read.set;
+  const PlanOptions& options = arguments.options;
+  const BudgetProblem problem = budget_problem(request, set, options.at_most);
+  const CheapestPlan plan = plan_cheapest(set, problem.constraints_of, problem.costs, targets,
+                                          {.budget = problem.budget,
+                                           .gap = arguments.gap,
+                                           .time_limit = options.time_limit,
+                                           .seed = options.seed,
+                                           .threads = options.threads});
+  Json result = json_of(arguments, set, targets, plan);
+  result["budget"] = problem.budget;
+  result["cost"] = plan.cost;
+  result["least_cost"] = plan.least_cost;
+  add_counts(plan.counts, plan.experiments(), result);
+  return answer(arguments, read, plan.counts, result,
+                describe_cost(arguments, problem, plan) + describe_rest(arguments, targets, plan),
+                plan.status);
+}
+
 int design_plan(const PlanArguments& arguments, Invocation& invocation) {
   const DesignRequest request = arguments.request.read();
   require_consistent(arguments, request);
@@ -225,31 +273,28 @@ int design_plan(const PlanArguments& arguments, Invocation& invocation) {
     if (!file.empty()) require_writable(file);
   }
   catch_interrupts();
-  const ConstraintsOf of = constraints_of(request, set);
+  if (has_costs(request)) return cheapest_plan(arguments, read, request, targets);
+  const ConstraintsOf of = constraints_of_number(request, set);
   if (!arguments.table.empty()) {
     const bool is_whole = write_curve(arguments, set, of, targets);
     if (!arguments.json) fmt::print("wrote {}\n", arguments.table);
     return is_whole ? kDone : kShort;
   }
   const ExperimentPlan plan = plan_experiments(set, of, targets, arguments.options);
-  const Json result = to_json(arguments, set, targets, plan);
-  const bool is_written = !arguments.output.empty() && !plan.counts.empty();
-  if (is_written) write_text_file(arguments.output, result.dump(1) + "\n");
-  if (arguments.json) {
-    fmt::print("{}\n", result.dump());
-  } else {
-    fmt::print("{}{}", set_headline(read), describe(arguments, targets, plan));
-    if (!plan.counts.empty()) fmt::print("{}", describe_counts(set, {.counts = plan.counts}));
-    if (is_written) fmt::print("wrote {}\n", arguments.output);
-  }
-  return plan.status == PlanStatus::kProven ? kDone : kShort;
+  Json result = json_of(arguments, set, targets, plan);
+  result["least_experiments"] = plan.least;
+  add_counts(plan.counts, plan.experiments, result);
+  return answer(arguments, read, plan.counts, result,
+                describe_number(arguments, plan) + describe_rest(arguments, targets, plan),
+                plan.status);
 }
 
 }  // namespace
 
 void add_design_plan_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand(
-      "plan", "How many experiments reach stated standard errors or see an effect, and which");
+  auto* command = app.add_subcommand("plan",
+                                     "How many experiments, or which cheapest ones, reach stated "
+                                     "standard errors or see an effect");
   auto arguments = std::make_shared<PlanArguments>();
   PlanOptions& options = arguments->options;
   add_set_options(*command, arguments->set);
@@ -268,6 +313,8 @@ void add_design_plan_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--at-most", options.at_most, "experiments, at most")
       ->capture_default_str()
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1000000}));
+  command->add_option("--gap", arguments->gap, "of the cost to prove, relative, with --costs")
+      ->capture_default_str();
   add_request_options(*command, arguments->request, ExperimentsOption::kFound);
   command->add_option("--time-limit", options.time_limit, "wall seconds")->capture_default_str();
   command->add_option("--threads", options.threads, "threads")->capture_default_str();
@@ -287,6 +334,7 @@ void add_design_plan_command(CLI::App& app, Invocation& invocation) {
       "Examples:\n"
       "  graybox design plan set.h5 --target 'sd(all) <= 5 %' -o design.json\n"
       "  graybox design plan set.h5 --detect 'joint_1.gearbox by 10 %' --power 0.8\n"
+      "  graybox design plan set.h5 --target 'sd(all) <= 0.1' --costs minutes.csv\n"
       "  graybox design plan set.h5 --target 'sd(0) <= 0.1' --experiments 8:40 --table curve.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = design_plan(*arguments, invocation); });

@@ -137,7 +137,7 @@ py::dict exact(const PythonSet& python_set, const py::dict& arguments, const py:
   if (method != "branch_and_bound") {
     throw InputError("constraints, other criteria and top go with branch_and_bound alone");
   }
-  if (!request.experiments && !request.budget) {
+  if (!request.number() && !request.budget) {
     throw InputError("experiments: say how many (experiments), or what they may cost (budget)");
   }
   return requested_exact(set,

@@ -301,6 +301,18 @@ RequestedConstraint constraint_of(const py::handle& entry) {
   return out;
 }
 
+// "4, 4, 3-5", or numbers.
+void take_block_sizes(const py::object& value, std::string& words) {
+  if (value.is_none()) return;
+  if (is_text(value)) {
+    words = text_of(value);
+    return;
+  }
+  for (const double size : number_list(value, "block_sizes")) {
+    words += fmt::format("{}{:g}", words.empty() ? "" : ", ", size);
+  }
+}
+
 // [Q, k, d], as the set holds them; None where it holds matrices.
 py::object factors_of(const py::object& self) {
   const auto& set = py::cast<const PythonSet&>(self).set();
@@ -311,44 +323,28 @@ py::object factors_of(const py::object& self) {
   return view;
 }
 
-}  // namespace
-
-void require_regular(const PythonSet& set, const DesignRequest& request) {
-  if (set.sum == SingularSum::kAllowed && !request.has_prior()) require_regular_sum(set.set());
+// Throws InputError for what none of the criteria takes.
+void require_taken(const py::dict& arguments, const std::vector<CriterionKind>& kinds) {
+  using enum CriterionKind;
+  const auto require = [&](const char* name, const std::vector<CriterionKind>& takers,
+                           const char* message) {
+    const auto takes = [&](CriterionKind kind) { return std::ranges::count(takers, kind) > 0; };
+    if (!argument(arguments, name).is_none() && std::ranges::none_of(kinds, takes)) {
+      throw InputError(message);
+    }
+  };
+  require("W", {kL, kC}, "W belongs to criterion L or c");
+  require("region", {kI, kG}, "region belongs to criterion I or G");
+  require("p", {kPhiP}, "p belongs to criterion phi_p");
+  require("interest", {kDs}, "interest belongs to criterion Ds");
 }
 
-Array numbers(const py::handle& value, const std::string& name) {
-  const py::array array = py::array::ensure(value);
-  if (!array) PyErr_Clear();
-  if (!array || std::string("fiub").find(array.dtype().kind()) == std::string::npos) {
-    throw InputError(fmt::format("{}: expected numbers", name));
-  }
-  return Array::ensure(array);
-}
-
-std::vector<double> number_list(const py::handle& value, const std::string& name) {
-  const Array values = numbers(value, name);
-  if (values.ndim() > 1) throw InputError(fmt::format("{}: expected one axis", name));
-  return {values.data(), values.data() + values.size()};
-}
-
-Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
-  const CriterionKind kind = criterion_kind(text_of(argument(arguments, "criterion")));
+Criterion criterion_of_kind(CriterionKind kind, const py::dict& arguments,
+                            const InformationSet& set) {
   const py::object weights = argument(arguments, "W");
   const py::object interest = argument(arguments, "interest");
   const py::object region = argument(arguments, "region");
   const py::object p = argument(arguments, "p");
-  if (!weights.is_none() && kind != CriterionKind::kL && kind != CriterionKind::kC) {
-    throw InputError("W belongs to criterion L or c");
-  }
-  if (!region.is_none() && kind != CriterionKind::kI && kind != CriterionKind::kG) {
-    throw InputError("region belongs to criterion I or G");
-  }
-  if (!p.is_none() && kind != CriterionKind::kPhiP)
-    throw InputError("p belongs to criterion phi_p");
-  if (!interest.is_none() && kind != CriterionKind::kDs) {
-    throw InputError("interest belongs to criterion Ds");
-  }
   switch (kind) {
     case CriterionKind::kA:
       return Criterion::a();
@@ -373,11 +369,50 @@ Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
         throw InputError("criterion phi_p needs p: 0 (D), 1 (A), inf (E) or between");
       return Criterion::phi_p(py::cast<double>(p));
     case CriterionKind::kCompound:
-      throw InputError("compound criteria are not in the module; use graybox solve");
+      throw InputError(
+          "criterion: give the parts of a compound criterion, as {'D': 0.5, 'A': 0.5}");
     case CriterionKind::kD:
       break;
   }
   return {};
+}
+
+}  // namespace
+
+void require_regular(const PythonSet& set, const DesignRequest& request) {
+  if (set.sum == SingularSum::kAllowed && !request.has_prior()) require_regular_sum(set.set());
+}
+
+Array numbers(const py::handle& value, const std::string& name) {
+  const py::array array = py::array::ensure(value);
+  if (!array) PyErr_Clear();
+  if (!array || std::string("fiub").find(array.dtype().kind()) == std::string::npos) {
+    throw InputError(fmt::format("{}: expected numbers", name));
+  }
+  return Array::ensure(array);
+}
+
+std::vector<double> number_list(const py::handle& value, const std::string& name) {
+  const Array values = numbers(value, name);
+  if (values.ndim() > 1) throw InputError(fmt::format("{}: expected one axis", name));
+  return {values.data(), values.data() + values.size()};
+}
+
+Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
+  const py::object given = argument(arguments, "criterion");
+  if (!py::isinstance<py::dict>(given)) {
+    const CriterionKind kind = criterion_kind(text_of(given));
+    require_taken(arguments, {kind});
+    return criterion_of_kind(kind, arguments, set);
+  }
+  std::vector<CriterionPart> parts;
+  std::vector<CriterionKind> kinds;
+  for (const auto& [name, share] : py::cast<py::dict>(given)) {
+    kinds.push_back(criterion_kind(std::string(py::str(name))));
+    parts.push_back({py::cast<double>(share), criterion_of_kind(kinds.back(), arguments, set)});
+  }
+  require_taken(arguments, kinds);
+  return Criterion::compound(std::move(parts));
 }
 
 DesignRequest request_of(const py::dict& arguments) {
@@ -401,6 +436,7 @@ DesignRequest request_of(const py::dict& arguments) {
   std::vector<double> none;
   take(argument(arguments, "require"), "require", request.require, none);
   take(argument(arguments, "forbid"), "forbid", request.forbid, none);
+  take_block_sizes(argument(arguments, "block_sizes"), request.block_sizes);
   const py::object constraints = argument(arguments, "constraints");
   if (is_text(constraints)) {
     request.constraints_file = text_of(constraints);

@@ -30,11 +30,12 @@ void require_regular(const PythonSet& set, const DesignRequest& request);
 [[nodiscard]] std::vector<double> number_list(const pybind11::handle& value,
                                               const std::string& name);
 
-// `arguments`: the keywords criterion, W, interest. Throws InputError.
+// `arguments`: the keywords criterion (a name, or a dict of names and shares), W, interest, region
+// and p. Throws InputError.
 [[nodiscard]] Criterion criterion_of(const pybind11::dict& arguments, const InformationSet& set);
 
-// `arguments`: experiments, budget, prior, done, costs, stock, require, forbid, constraints, A_ub,
-// b_ub, A_eq, b_eq, each of them None or a value. Throws InputError.
+// `arguments`: experiments, budget, prior, done, costs, stock, require, forbid, block_sizes,
+// constraints, A_ub, b_ub, A_eq, b_eq, each of them None or a value. Throws InputError.
 [[nodiscard]] DesignRequest request_of(const pybind11::dict& arguments);
 
 void add_information(pybind11::module_& module);

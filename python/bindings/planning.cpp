@@ -15,7 +15,9 @@
 #include "python/bindings/information.hpp"
 #include "python/bindings/option_ranges.hpp"
 #include "python/bindings/plain_objects.hpp"
+#include "solvers/planning/cost_plan.hpp"
 #include "solvers/planning/experiment_plan.hpp"
+#include "solvers/planning/plan_request.hpp"
 
 namespace graybox::python {
 namespace {
@@ -34,9 +36,6 @@ PlanQuestion question_of(const py::dict& arguments, const InformationSet& set) {
                      .power = py::cast<double>(arguments["power"]),
                      .level = py::cast<double>(arguments["level"]),
                      .noise = py::cast<double>(arguments["noise"])};
-  if (!(asked.noise > 0.0) || !std::isfinite(asked.noise)) {
-    throw InputError("noise: a positive factor of the noise that the set assumes");
-  }
   const auto add = [&](std::vector<PrecisionTarget> more) {
     std::move(more.begin(), more.end(), std::back_inserter(asked.targets));
   };
@@ -53,18 +52,6 @@ PlanQuestion question_of(const py::dict& arguments, const InformationSet& set) {
   return asked;
 }
 
-void require_plannable(const DesignRequest& request, double noise) {
-  if (request.budget || !request.costs.empty() || !request.numbers.costs.empty()) {
-    throw InputError("costs: a plan counts experiments; take exact(..., budget=...) for costs");
-  }
-  if (request.experiments) {
-    throw InputError("experiments: their number is what a plan finds; limit it by at_most");
-  }
-  if (noise != 1.0 && !(request.prior.empty() && request.numbers.prior.empty())) {
-    throw InputError("noise: scale the matrix prior yourself, the factor is the set's alone");
-  }
-}
-
 PlanOptions options_of(const py::dict& arguments) {
   PlanOptions options;
   options.at_most = whole_number(arguments["at_most"], "at_most", 1, 1000000);
@@ -74,14 +61,6 @@ PlanOptions options_of(const py::dict& arguments) {
   options.seed = py::cast<std::uint64_t>(arguments["seed"]);
   options.threads = whole_number(arguments["threads"], "threads", 1, 1024);
   return options;
-}
-
-ConstraintsOf constraints_of(const DesignRequest& request, const InformationSet& set) {
-  return [&request, &set](std::int64_t experiments) {
-    DesignRequest now = request;
-    now.experiments = static_cast<double>(experiments);
-    return resolve(now, set);
-  };
 }
 
 // `errors`: reached, in the set's noise; empty where nothing was found.
@@ -115,33 +94,62 @@ struct CheckedPlan {
 
 CheckedPlan checked_plan(const PythonSet& python_set, const py::dict& arguments,
                          const py::dict& asked_request) {
-  CheckedPlan checked{request_of(asked_request), question_of(arguments, python_set.set()), {}};
-  require_plannable(checked.request, checked.asked.noise);
+  DesignRequest request = request_of(asked_request);
+  require_plannable(request, py::cast<double>(arguments["noise"]));
+  CheckedPlan checked{std::move(request), question_of(arguments, python_set.set()), {}};
   require_regular(python_set, checked.request);
   checked.options = options_of(arguments);
   return checked;
+}
+
+// What both kinds of plan hand back.
+template <class Found>
+py::dict fields_of_plan(const PlanQuestion& asked, Found& found, Call& call) {
+  py::dict fields;
+  fields["interrupted"] = call.interrupted();
+  fields["status"] = to_string(found.status);
+  fields["message"] = found.message;
+  fields["worst_ratio"] = found.worst_ratio;
+  for (const char* name : {"cost", "least_cost", "least"}) fields[name] = py::none();
+  fields["targets"] = rows_of(asked, found.standard_errors);
+  fields["counts"] =
+      found.counts.empty() ? py::object(py::none()) : py::object(array_of(std::move(found.counts)));
+  return fields;
+}
+
+py::dict cheapest(const InformationSet& set, const CheckedPlan& checked, double gap, Call& call) {
+  const BudgetProblem problem = budget_problem(checked.request, set, checked.options.at_most);
+  CheapestPlan found = call.run([&] {
+    return plan_cheapest(set, problem.constraints_of, problem.costs, checked.asked.targets,
+                         {.budget = problem.budget,
+                          .gap = gap,
+                          .time_limit = checked.options.time_limit,
+                          .seed = checked.options.seed,
+                          .threads = checked.options.threads});
+  });
+  const std::int64_t experiments = found.experiments();
+  py::dict fields = fields_of_plan(checked.asked, found, call);
+  fields["experiments"] = experiments;
+  fields["cost"] = found.cost;
+  fields["least_cost"] = found.least_cost;
+  return fields;
 }
 
 py::dict plan(const PythonSet& python_set, const py::dict& arguments, const py::dict& asked_request,
               const py::object& progress) {
   const InformationSet& set = python_set.set();
   const CheckedPlan checked = checked_plan(python_set, arguments, asked_request);
-  const PlanQuestion& asked = checked.asked;
   Call call(progress);
+  if (has_costs(checked.request)) {
+    return cheapest(set, checked, py::cast<double>(arguments["gap"]), call);
+  }
   ExperimentPlan found = call.run([&] {
-    return plan_experiments(set, constraints_of(checked.request, set), asked.targets,
+    return plan_experiments(set, constraints_of_number(checked.request, set), checked.asked.targets,
                             checked.options);
   });
-  py::dict fields;
-  fields["interrupted"] = call.interrupted();
-  fields["status"] = to_string(found.status);
-  fields["message"] = found.message;
+  py::dict fields = fields_of_plan(checked.asked, found, call);
   fields["experiments"] = found.experiments;
   fields["least"] = found.least;
-  fields["worst_ratio"] = found.worst_ratio;
-  fields["targets"] = rows_of(asked, found.standard_errors);
-  fields["counts"] =
-      found.counts.empty() ? py::object(py::none()) : py::object(array_of(std::move(found.counts)));
   return fields;
 }
 
@@ -152,10 +160,13 @@ py::list plan_curve(const PythonSet& python_set, const std::vector<std::int64_t>
   const InformationSet& set = python_set.set();
   const CheckedPlan checked = checked_plan(python_set, arguments, asked_request);
   const PlanQuestion& asked = checked.asked;
+  if (has_costs(checked.request)) {
+    throw InputError("costs: the curve counts experiments; ask plan() for the cheapest ones");
+  }
   Call call(progress);
   const std::vector<PrecisionPoint> points = call.run([&] {
-    return precision_curve(set, constraints_of(checked.request, set), asked.targets, experiments,
-                           checked.options);
+    return precision_curve(set, constraints_of_number(checked.request, set), asked.targets,
+                           experiments, checked.options);
   });
   if (call.interrupted()) throw Stopped();
   py::list rows;

@@ -151,7 +151,9 @@ class ExactDesign:
 class Plan:
     status: str
     experiments: int
-    least: int
+    least: Optional[int]
+    cost: Optional[float]
+    least_cost: Optional[float]
     at_most: int
     counts: Optional[NDArray[np.int64]]
     targets: list[dict[str, Any]]
@@ -260,7 +262,7 @@ class SequentialStudy:
 
 def solve(
     H: Information,
-    criterion: str = ...,
+    criterion: Union[str, Mapping[str, float]] = ...,
     *,
     gap: float = ...,
     solver: str = ...,
@@ -284,6 +286,7 @@ def solve(
     stock: Optional[Numbers] = ...,
     require: Optional[str] = ...,
     forbid: Optional[str] = ...,
+    block_sizes: Union[None, str, Sequence[int]] = ...,
     constraints: Union[None, Path, Sequence[Mapping[str, Any]]] = ...,
     A_ub: Optional[ArrayLike] = ...,
     b_ub: Optional[ArrayLike] = ...,
@@ -293,7 +296,7 @@ def solve(
 def certify(
     H: Information,
     weights: Union[ArrayLike, Design],
-    criterion: str = ...,
+    criterion: Union[str, Mapping[str, float]] = ...,
     *,
     gap: float = ...,
     W: Optional[ArrayLike] = ...,
@@ -308,7 +311,7 @@ def certify(
 def exact(
     H: Information,
     experiments: Optional[float] = ...,
-    criterion: str = ...,
+    criterion: Union[str, Mapping[str, float]] = ...,
     *,
     method: str = ...,
     gap: float = ...,
@@ -362,6 +365,7 @@ def plan(
     level: float = ...,
     noise: float = ...,
     at_most: int = ...,
+    gap: float = ...,
     time_limit: Optional[float] = ...,
     seed: int = ...,
     threads: int = ...,
@@ -370,6 +374,8 @@ def plan(
     progress: Progress = ...,
     prior: Union[None, Path, ArrayLike] = ...,
     done: Optional[Numbers] = ...,
+    costs: Optional[Numbers] = ...,
+    budget: Optional[float] = ...,
     stock: Optional[Numbers] = ...,
     require: Optional[str] = ...,
     forbid: Optional[str] = ...,
@@ -399,6 +405,7 @@ def precision_curve(
     stock: Optional[Numbers] = ...,
     require: Optional[str] = ...,
     forbid: Optional[str] = ...,
+    block_sizes: Union[None, str, Sequence[int]] = ...,
     constraints: Union[None, Path, Sequence[Mapping[str, Any]]] = ...,
     A_ub: Optional[ArrayLike] = ...,
     b_ub: Optional[ArrayLike] = ...,

@@ -7,7 +7,7 @@ from ._results import Certificate, Design, ExactCertificate, ExactDesign
 
 _PRIOR = ("prior", "done")
 _REQUEST = ("experiments", "budget", "prior", "done", "costs", "stock", "require", "forbid",
-            "constraints", "A_ub", "b_ub", "A_eq", "b_eq")
+            "block_sizes", "constraints", "A_ub", "b_ub", "A_eq", "b_eq")
 
 
 def _request(given):
@@ -39,12 +39,12 @@ def solve(H, criterion="D", *, gap=1e-6, solver="column_generation", W=None, int
     H: matrices [Q, d, d], packed ones [Q, p] (float64: not copied), a file, or an InformationSet.
     factors: H holds factors F of F'F instead, vectors [Q, d] or [Q, k, d]. No matrices are made of
     them for criterion D by column_generation.
-    criterion: "D", "A", "E", "L" with W (a matrix, or the vector c of one combination), "Ds" with
+    criterion: a dict of several and their shares, as {"D": 0.5, "A": 0.5}, or one: "D", "A", "E", "L" with W (a matrix, or the vector c of one combination), "Ds" with
     interest (names or indices of parameters), "c" with W (a vector, or rows of them), "I" or "G" with
     region (rows of regressors; None: the candidates), or "phi_p" with p.
     start: a Design, or Q weights, to begin from.
-    request: experiments, budget, prior, done, costs, stock, require, forbid, constraints, and rows
-    A_ub x <= b_ub, A_eq x = b_eq of the numbers of experiments x.
+    request: experiments, budget, prior, done, costs, stock, require, forbid, block_sizes,
+    constraints, and rows A_ub x <= b_ub, A_eq x = b_eq of the numbers of experiments x.
     """
     request = _request(request)
     information = _information(H, request, psd_tolerance, factors)

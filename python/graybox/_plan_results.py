@@ -13,7 +13,8 @@ class Plan(_Plain):
     """How many experiments reach the targets, and which.
 
     status ("proven", "reached", "out_of_reach", "not_found"), experiments, least (no smaller number
-    does: proven), counts (None where none were found), targets (dicts: target, asked, reached,
+    does: proven), with costs in its place cost and least_cost (no design that reaches the targets
+    costs less: proven), counts (None where none were found), targets (dicts: target, asked, reached,
     effect, power), worst_ratio (out of reach: the worst error over its limit is at least this),
     message.
     """
@@ -29,7 +30,10 @@ class Plan(_Plain):
         return np.array([], dtype=int) if self.counts is None else np.flatnonzero(self.counts)
 
     def _heading(self):
-        if self.counts is None:
+        if self.least_cost is not None:
+            said = "none" if self.counts is None else f"{self.experiments} experiments for {self.cost:g}"
+            said += f"; at least {self.least_cost:g} is needed"
+        elif self.counts is None:
             said = f"none up to {self.at_most}; at least {self.least} are needed"
         else:
             said = f"{self.experiments} experiments, at least {self.least} are needed"

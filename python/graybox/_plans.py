@@ -9,13 +9,13 @@ def _texts(value):
     return [value] if isinstance(value, str) else list(value)
 
 
-def _question(targets, detect, power, level, noise, at_most, time_limit, seed, threads):
+def _question(targets, detect, power, level, noise, at_most, time_limit, seed, threads, gap=1e-3):
     return {"targets": _texts(targets), "detect": _texts(detect), "power": power, "level": level,
             "noise": noise, "at_most": at_most, "time_limit": time_limit, "seed": seed,
-            "threads": threads}
+            "threads": threads, "gap": gap}
 
 
-def plan(H, targets=(), *, detect=(), power=0.9, level=0.05, noise=1.0, at_most=1000,
+def plan(H, targets=(), *, detect=(), power=0.9, level=0.05, noise=1.0, at_most=1000, gap=1e-3,
          time_limit=60.0, seed=1, threads=1, psd_tolerance=1e-6, factors=False, progress=None,
          **request):
     """The smallest number of experiments that reaches every target, which ones, and the proof.
@@ -23,11 +23,13 @@ def plan(H, targets=(), *, detect=(), power=0.9, level=0.05, noise=1.0, at_most=
     H: as for solve(); each matrix is the information of one experiment. targets: a text or several,
     "sd(k1) <= 0.02", "sd(2*k1 - k2) <= 0.1", "sd(all) <= 5 %". detect: changes that a test of that
     level is to see with that power, "k1 by 0.05". noise: standard deviation over the one that H
-    assumes. request: prior, done, stock, require, forbid and constraints, as for solve().
+    assumes. request: prior, done, stock, require, forbid and constraints, as for solve(). With costs
+    it is the cheapest campaign that is found: to the gap, or to the last unit where all costs are
+    multiples of one. A budget limits it.
     """
     request = _request(request)
     information = _information(H, request, psd_tolerance, factors)
-    asked = _question(targets, detect, power, level, noise, at_most, time_limit, seed, threads)
+    asked = _question(targets, detect, power, level, noise, at_most, time_limit, seed, threads, gap)
     with Line(progress) as show:
         fields = _graybox.plan(information, asked, request, show)
     interrupted = fields.pop("interrupted")

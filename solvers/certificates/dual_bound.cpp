@@ -57,9 +57,18 @@ class BoundMaker {
   }
 
   DualBound<Real> power() const;
+  DualBound<Real> smallest_eigenvalue() const;
   DualBound<Real> region() const;
 
  private:
+  // The eigenvalues of X^T X, within 1 -+ error, and their axes.
+  struct Spectrum {
+    MatrixIn<Real> v;
+    std::vector<Real> l;  // their logarithms
+    Real largest = 0, error = 0;
+  };
+  [[nodiscard]] Spectrum spectrum() const;
+
   // The rounding of a sum of d and n more terms, relative to its magnitude.
   [[nodiscard]] Real rounding(Index n) const {
     return static_cast<Real>(2 * d_ + n + 8) * kUnitOf<Real>;
@@ -137,24 +146,23 @@ Real log_mean(const std::vector<Real>& l, const Real& p) {
 // V^T V - I, and these, A being the computed X V and D = diag |a_j|, within 1 -+ spread of D^2,
 // spread bounding D^-1 A^T A D^-1 - I.
 template <class Real>
-DualBound<Real> BoundMaker<Real>::power() const {
-  using std::abs;
-  using std::exp;
+typename BoundMaker<Real>::Spectrum BoundMaker<Real>::spectrum() const {
   using std::log;
   using std::sqrt;
-  const Real p(criterion_.p());
-  MatrixIn<Real> v = MatrixIn<Real>::Identity(d_, d_), a = x_;
-  orthogonalise(a, v);
-  a = x_ * v;
-  const MatrixIn<Real> magnitude = x_.cwiseAbs() * v.cwiseAbs();
-  std::vector<Real> l;  // log sigma
-  Real lost = 0, largest = -std::numeric_limits<Real>::max();
+  Spectrum out;
+  out.v = MatrixIn<Real>::Identity(d_, d_);
+  MatrixIn<Real> a = x_;
+  orthogonalise(a, out.v);
+  a = x_ * out.v;
+  const MatrixIn<Real> magnitude = x_.cwiseAbs() * out.v.cwiseAbs();
+  Real lost = 0;
+  out.largest = -std::numeric_limits<Real>::max();
   for (Index j = 0; j < d_; ++j) {
     const Real length = a.col(j).norm();
     const Real each = rounding(0) * magnitude.col(j).norm() / length;
     lost += each * each;
-    l.push_back(2 * log(length));
-    largest = std::max<Real>(largest, l.back());
+    out.l.push_back(2 * log(length));
+    out.largest = std::max<Real>(out.largest, out.l.back());
     a.col(j) /= length;
   }
   lost = sqrt(lost);
@@ -162,7 +170,33 @@ DualBound<Real> BoundMaker<Real>::power() const {
     return (q.transpose() * q - MatrixIn<Real>::Identity(d_, d_)).norm() +
            static_cast<Real>(d_) * rounding(0);
   };
-  const Real skew = distance(v), spread = distance(a) + 2 * lost + lost * lost;
+  const Real skew = distance(out.v), spread = distance(a) + 2 * lost + lost * lost;
+  out.error = eta_ + spread + 3 * skew;
+  return out;
+}
+
+template <class Real>
+DualBound<Real> BoundMaker<Real>::smallest_eigenvalue() const {
+  using std::abs;
+  using std::exp;
+  const Spectrum spectrum_of = spectrum();
+  DualBound<Real> bound;
+  bound.z.resize(d_, 0);
+  bound.log_phi = -spectrum_of.largest;
+  bound.scale = exp(bound.log_phi);
+  bound.error = spectrum_of.error + rounding(8) * (1 + abs(spectrum_of.largest));
+  bound.error += 4 * bound.error * bound.error;
+  return bound;
+}
+
+template <class Real>
+DualBound<Real> BoundMaker<Real>::power() const {
+  using std::abs;
+  using std::exp;
+  const Real p(criterion_.p());
+  Spectrum spectrum_of = spectrum();
+  std::vector<Real>& l = spectrum_of.l;
+  const Real largest = spectrum_of.largest;
   Real range = 0;
   std::vector<Real> dual;
   for (Real& each : l) {
@@ -171,7 +205,7 @@ DualBound<Real> BoundMaker<Real>::power() const {
     dual.push_back((p + 1) * each);
   }
   DualBound<Real> bound;
-  bound.z = v;
+  bound.z = spectrum_of.v;
   for (Index j = 0; j < d_; ++j) {
     bound.z.col(j) *= exp(Real(dual[static_cast<std::size_t>(j)] / 2));
   }
@@ -180,7 +214,7 @@ DualBound<Real> BoundMaker<Real>::power() const {
   bound.scale = static_cast<Real>(d_) * exp(Real(log_mean(dual, q) - log_mean(l, p) - largest));
   const Real evaluation =
       static_cast<Real>(d_) * rounding(8) * (1 + (p + 2) * range + abs(largest));
-  bound.error = eta_ + spread + 3 * skew + evaluation;
+  bound.error = spectrum_of.error + evaluation;
   bound.error += 4 * bound.error * bound.error;
   return bound;
 }
@@ -234,6 +268,8 @@ DualBound<Real> dual_bound(const Criterion& criterion, std::size_t dimension,
       return maker.determinant(criterion.interest().size());
     case CriterionKind::kPhiP:
       return maker.power();
+    case CriterionKind::kE:
+      return maker.smallest_eigenvalue();
     case CriterionKind::kG:
       return maker.region();
     default:

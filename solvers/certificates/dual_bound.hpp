@@ -24,6 +24,8 @@
 //          (Pukelsheim 1993, section 6.12). Z = V diag(sigma)^((p+1)/2) from the singular values
 //          sigma^(1/2) of X. Relative errors of the eigenvalues of M^-1 and Z Z^T carry over to
 //          Phi and Phi' with a factor of one, whatever p.
+//   E      tr(Z^T N Z) >= lambda_min(N) tr(Z Z^T): s = lambda_min(M) tr(Z Z^T). Any Z is the
+//          caller's; what is handed out has none, and scale = lambda_min(M).
 //   G      max_j tr(J_j N^-1 J_j^T) sum mu >= tr(K^T N^-1 K) with the columns of K the
 //          sqrt(mu_j) J_j^T, mu >= 0; the rest as for traces:
 //          s = tr(K^T Z)^2 / (sum mu max_j tr(J_j M^-1 J_j^T)).
@@ -54,7 +56,7 @@ struct DualBound {
 };
 
 // `information`: M, eliminated in elimination_order(). `dual_weights`: mu of G, one for each point.
-// Not for E and compound, nor for G without a region.
+// Not for compound, nor for G without a region.
 template <class Real>
 [[nodiscard]] DualBound<Real> dual_bound(const Criterion& criterion, std::size_t dimension,
                                          const InformationIn<Real>& information,

@@ -105,6 +105,7 @@ void price_pool(const InformationSet& set, const InverseCholesky& inverse, int t
 std::vector<std::size_t> violators(std::span<const double> sensitivities, double threshold,
                                    std::size_t wanted, std::size_t stretches, Random& random) {
   const std::size_t count = sensitivities.size();
+  if (count == 0 || stretches == 0) return {};
   stretches = std::min(count, stretches);
   const std::size_t length = (count + stretches - 1) / stretches;
   const std::size_t shift = random.below(length);

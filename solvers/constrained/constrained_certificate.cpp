@@ -10,11 +10,16 @@
 #include <numeric>
 
 #include "problems/base/error.hpp"
+#include "problems/base/packed_matrix.hpp"
 #include "solvers/certificates/criterion_certificate.hpp"
+#include "solvers/certificates/dual_bound.hpp"
 #include "solvers/conditioning/extended_information.hpp"
 #include "solvers/conditioning/quadruple.hpp"
 #include "solvers/constrained/linear_programme.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity.hpp"
+#include "solvers/restricted_problem/criterion_frame.hpp"
 
 namespace graybox {
 namespace {
@@ -22,8 +27,11 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
 
-// D is Ds with every parameter of interest.
+// D is Ds with every parameter of interest, and G without a region is over the candidates.
 Criterion as_partial(const InformationSet& set, const Criterion& criterion) {
+  if (criterion.kind() == CriterionKind::kG && criterion.region().count() == 0) {
+    return Criterion::g(PredictionRegion::of_set(set));
+  }
   if (criterion.kind() != CriterionKind::kD) return criterion;
   std::vector<std::size_t> all(set.dimension());
   std::iota(all.begin(), all.end(), std::size_t{0});
@@ -113,6 +121,92 @@ struct Support {
   InformationSet matrices;
 };
 
+// What proves most of a design under G or E: the weights of the points of the region, or a matrix.
+class SharpDual {
+ public:
+  SharpDual(const InformationSet& set, std::span<const double> efforts,
+            const DesignConstraints& constraints, const Criterion& criterion)
+      : set_(set),
+        efforts_(efforts),
+        constraints_(constraints),
+        frame_(criterion, set.dimension(), {}),
+        inverse_(set.dimension()),
+        gains_(set.candidate_count()),
+        points_(criterion.region().count(), 1.0) {
+    frame_.smooth_by_barrier();
+    std::vector<double> matrix(set.packed_size());
+    information_matrix(set, efforts, matrix);
+    for (std::size_t k = 0; k < constraints.prior.size(); ++k) matrix[k] += constraints.prior[k];
+    if (inverse_.factor(matrix)) search();
+  }
+
+  [[nodiscard]] const std::vector<double>& points() const { return points_; }  // G: mu
+  [[nodiscard]] const Eigen::MatrixXd& factor() const { return factor_; }      // E: Z
+
+ private:
+  // The gap at sharpness exp(log_sharpness), in double precision.
+  double gap(double log_sharpness) {
+    frame_.set_sharpness(std::exp(log_sharpness));
+    frame_.compute(inverse_);
+    const std::span<const double> dual = frame_.trace_dual();
+    const double factor = frame_.smoothing_factor();
+    const auto trace = [&](std::span<const double> h) {
+      double sum = 0.0;
+      for (std::size_t k = 0; k < h.size(); ++k) sum += dual[k] * h[k];
+      return factor * sum;
+    };
+    for (std::size_t i = 0; i < gains_.size(); ++i) gains_[i] = trace(set_.information(i));
+    std::vector<double> y = multipliers_of_design(constraints_, efforts_, gains_);
+    if (y.empty()) y = maximise_linear(constraints_, {}, gains_).multipliers;
+    y.resize(constraints_.rows.size(), 0.0);
+    const double here = trace(constraints_.prior) +
+                        multiplier_bound<double>(constraints_, {}, gains_, y).value - 1.0;
+    if (here < least_) {
+      least_ = here;
+      at_ = log_sharpness;
+      if (points_.empty()) {
+        factor_ = frame_.axes().transpose() * frame_.shares().cwiseSqrt().asDiagonal();
+      } else {
+        points_ = frame_.point_weights();
+      }
+    }
+    return here;
+  }
+
+  // A grid, then golden sections about its best point.
+  void search() {
+    constexpr double kMost = 28.0, kStep = 0.4, kGolden = 0.6180339887498949;
+    for (double at = 0.0; at <= kMost; at += kStep) gap(at);
+    double low = at_ - kStep, high = at_ + kStep;
+    double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
+    double left_gap = gap(left), right_gap = gap(right);
+    for (int k = 0; k < 40; ++k) {
+      if (left_gap < right_gap) {
+        high = right;
+        right = left;
+        right_gap = left_gap;
+        left = high - kGolden * (high - low);
+        left_gap = gap(left);
+      } else {
+        low = left;
+        left = right;
+        left_gap = right_gap;
+        right = low + kGolden * (high - low);
+        right_gap = gap(right);
+      }
+    }
+  }
+
+  const InformationSet& set_;
+  std::span<const double> efforts_;
+  const DesignConstraints& constraints_;
+  CriterionFrame frame_;
+  InverseCholesky inverse_;
+  std::vector<double> gains_, points_;
+  Eigen::MatrixXd factor_;
+  double least_ = kInfinity, at_ = 0.0;
+};
+
 class Checker {
  public:
   Checker(const InformationSet& set, std::span<const double> efforts,
@@ -121,13 +215,28 @@ class Checker {
         efforts_(efforts),
         constraints_(constraints),
         criterion_(as_partial(set, criterion)),
-        support_(set, efforts, constraints.prior) {}
+        support_(set, efforts, constraints.prior) {
+    if (criterion_.kind() != CriterionKind::kG && criterion_.kind() != CriterionKind::kE) return;
+    const SharpDual dual(set, efforts, constraints, criterion_);
+    point_weights_ = dual.points();
+    factor_ = dual.factor();
+    if (factor_.size() == 0) {
+      const auto d = static_cast<Eigen::Index>(set.dimension());
+      factor_ = Eigen::MatrixXd::Identity(d, d);
+    }
+  }
 
   // False where M is singular in this arithmetic.
   template <class Real>
   bool check(double violation, ConstrainedCertificate& out);
 
  private:
+  // Z and what is known of it for all parts of a criterion without factor (dual_bound.hpp), joined.
+  template <class Real>
+  DualBound<Real> joint_bound(const InformationIn<Real>& information) const;
+  // tr(Z Z^T H_i) from above.
+  template <class Real>
+  std::vector<double> prices(const InformationSet& set, const DualBound<Real>& bound) const;
   // tr(G H_i) of all matrices of `set` from above, of trace 1 with M.
   template <class Real>
   std::vector<double> gains(const InformationSet& set, const InformationIn<Real>& information,
@@ -138,12 +247,86 @@ class Checker {
   const DesignConstraints& constraints_;
   Criterion criterion_;
   Support support_;
+  std::vector<double> point_weights_;  // G: mu
+  Eigen::MatrixXd factor_;             // E: Z
 };
+
+template <class Real>
+DualBound<Real> Checker::joint_bound(const InformationIn<Real>& information) const {
+  using std::sqrt;
+  const std::size_t d = set_.dimension();
+  std::vector<CriterionPart> parts(criterion_.parts().begin(), criterion_.parts().end());
+  if (parts.empty()) parts.push_back({1.0, criterion_});
+  DualBound<Real> joint;
+  joint.z.resize(static_cast<Eigen::Index>(d), 0);
+  joint.scale = 1;
+  for (const CriterionPart& part : parts) {
+    const std::vector<std::size_t> order = elimination_order(set_, part.criterion);
+    DualBound<Real> bound =
+        order.empty() ? dual_bound(part.criterion, d, information, point_weights_)
+                      : dual_bound(part.criterion, d,
+                                   InformationIn<Real>(support_.matrices, support_.weights, order));
+    if (part.criterion.kind() == CriterionKind::kE) {
+      bound.z = factor_.template cast<Real>();
+      bound.scale *= bound.z.squaredNorm();
+      bound.error += static_cast<Real>(2 * d * d + 8) * (std::numeric_limits<Real>::epsilon() / 2);
+    }
+    const Eigen::Index before = joint.z.cols();
+    joint.z.conservativeResize(Eigen::NoChange, before + bound.z.cols());
+    joint.z.rightCols(bound.z.cols()) = sqrt(Real(Real(part.share) / bound.scale)) * bound.z;
+    joint.error = std::max<Real>(joint.error, bound.error);
+    joint.log_phi += Real(part.share) * bound.log_phi;
+  }
+  // Shares of sum one but for their rounding, in double precision.
+  const Real shares = parts.size() > 1 ? Real(parts.size() + 1) * Real(1.2e-16) : Real(0);
+  joint.error = std::min<Real>(
+      joint.error + shares + 8 * (std::numeric_limits<Real>::epsilon() / 2), Real(0.5));
+  return joint;
+}
+
+template <class Real>
+std::vector<double> Checker::prices(const InformationSet& set, const DualBound<Real>& bound) const {
+  using std::abs;
+  using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
+  const Matrix product = bound.z * bound.z.transpose();
+  const Matrix size = bound.z.cwiseAbs() * bound.z.cwiseAbs().transpose();
+  std::vector<Real> dual, magnitude;
+  for (Eigen::Index i = 0; i < product.rows(); ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      dual.push_back(i == j ? product(i, i) : Real(product(i, j) + product(j, i)));
+      magnitude.push_back(i == j ? size(i, i) : Real(2 * size(i, j)));
+    }
+  }
+  const auto terms = static_cast<Real>(dual.size() + 2 * set.dimension() +
+                                       static_cast<std::size_t>(bound.z.cols()) + 4);
+  const Real unit = terms * (std::numeric_limits<Real>::epsilon() / 2);
+  std::vector<double> out(set.candidate_count());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const auto h = set.information(i);
+    Real w = 0, rounding = 0;
+    for (std::size_t k = 0; k < h.size(); ++k) {
+      w += dual[k] * h[k];
+      rounding += magnitude[k] * abs(h[k]);
+    }
+    const Real highest = std::max<Real>(Real(w + unit * rounding), Real(0)) / (1 - bound.error);
+    out[i] = kUp * static_cast<double>(highest);
+  }
+  return out;
+}
 
 template <class Real>
 std::vector<double> Checker::gains(const InformationSet& set,
                                    const InformationIn<Real>& information,
                                    Certificate& certificate) const {
+  if (!criterion_.has_factor()) {
+    using std::exp;
+    const DualBound<Real> bound = joint_bound(information);
+    const int sign = criterion_.kind() == CriterionKind::kE ? 1 : -1;
+    const bool is_compound = criterion_.kind() == CriterionKind::kCompound;
+    certificate.criterion_value =
+        static_cast<double>(is_compound ? bound.log_phi : Real(exp(Real(sign * bound.log_phi))));
+    return prices(set, bound);
+  }
   SensitivityBounds bounds;
   bounds.upper.resize(set.candidate_count());
   price_criterion(set, Design{}, criterion_, information, CandidateList(set.candidate_count()),
@@ -230,11 +413,6 @@ ConstrainedCertificate certify_constrained(const InformationSet& set,
                                            const Criterion& criterion, double asked_gap) {
   criterion.require_fits(set);
   require_fits(constraints, set);
-  if (!criterion.has_factor()) {
-    throw InputError(
-        fmt::format("criterion {} has no certificate under constraints; use D, A, L, I, c or Ds",
-                    to_string(criterion.kind())));
-  }
   ConstrainedCertificate out{.certificate = nothing_proven()};
   Certificate& certificate = out.certificate;
   certificate.message = why_no_design(set, efforts, constraints, out.violation);

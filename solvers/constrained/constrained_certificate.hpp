@@ -1,4 +1,4 @@
-// The checker of designs under constraints (design_constraints.hpp): D, A, L and Ds.
+// The checker of designs under constraints (design_constraints.hpp): all criteria.
 //
 // With M = P + sum_i x_i H_i and G the supergradient of log Phi at M (certificate.hpp), tr(G M) =
 // 1, concavity and Euler's identity give for every other design that obeys the constraints
@@ -12,6 +12,10 @@
 // (linear_programme.hpp) and by complementary slackness, and the better ones bound it
 // (multiplier_bound.hpp): the design and its constraints are all that is read. With one row sum x =
 // 1 and no prior this is the certificate of certify().
+//
+// For E, G, phi_p and compound criteria the bounds of dual_bound.hpp stand in for tr(G .). The
+// matrix Z of E and the weights of G's points are those of the barrier of criterion_frame.hpp at M:
+// they are found from the design alone, by a search for the sharpness with the smallest gap.
 //
 // Arithmetic is that of certificate.hpp: extended precision, and quadruple where that is not
 // enough.
@@ -44,7 +48,7 @@ struct ConstrainedCertificate {
   double violation = 0.0;  // largest_violation()
 };
 
-// `efforts`: x, Q numbers. Throws InputError for criterion E, and as require_fits() of both.
+// `efforts`: x, Q numbers. Throws InputError as require_fits() of both.
 [[nodiscard]] ConstrainedCertificate certify_constrained(const InformationSet& set,
                                                          std::span<const double> efforts,
                                                          const DesignConstraints& constraints,

@@ -426,12 +426,11 @@ ConstrainedSolution solve_constrained(const InformationSet& set,
                                       const SolveOptions& options, SolveObserver* observer) {
   options.criterion.require_fits(set);
   require_fits(constraints, set);
-  if (!options.criterion.has_factor()) {
-    throw InputError(
-        fmt::format("criterion {} can't be solved under constraints; use D, A, L, I, c or Ds",
-                    to_string(options.criterion.kind())));
+  SolveOptions with_region = options;
+  if (options.criterion.is_solved_as_d() && options.criterion.kind() == CriterionKind::kG) {
+    with_region.criterion = Criterion::g(PredictionRegion::of_set(set));
   }
-  ConstrainedSolution solution = try_constrained(set, constraints, options, observer);
+  ConstrainedSolution solution = try_constrained(set, constraints, with_region, observer);
   if (solution.infeasible) throw_contradiction(constraints);
   return solution;
 }

@@ -1,4 +1,4 @@
-// Column generation for designs under constraints (design_constraints.hpp): D, A, L and Ds.
+// Column generation for designs under constraints (design_constraints.hpp): all criteria.
 //
 // The scheme is that of column_generation.hpp. The problem is solved on a working set of a few
 // dozen candidates (constrained_working_set.hpp), whose multipliers y price the rows. A pass over
@@ -43,8 +43,8 @@ struct ConstrainedSolution {
   bool infeasible = false;  // no design obeys the constraints; status unsupported
 };
 
-// Throws InputError for constraints that do not fit the set, that no design obeys (naming the rows
-// that contradict each other), and for criterion E. Where the prior and all candidates together are
+// Throws InputError for constraints that do not fit the set and for those that no design obeys
+// (naming the rows that contradict each other). Where the prior and all candidates together are
 // singular the status is `unsupported`.
 [[nodiscard]] ConstrainedSolution solve_constrained(const InformationSet& set,
                                                     const DesignConstraints& constraints,

@@ -35,14 +35,28 @@ ConstrainedWorkingSet::ConstrainedWorkingSet(const Criterion& criterion, std::si
     : constraints_(constraints),
       dimension_(dimension),
       packed_size_(packed_size(dimension)),
-      frame_(criterion, dimension, coordinates),
       inverse_(dimension),
       is_determinant_(criterion.kind() == CriterionKind::kD),
       prior_(prior.begin(), prior.end()),
       matrix_(packed_size_),
+      dual_(packed_size_),
       gram_(nullptr, 0, static_cast<Index>((packed_size_ + 7) / 8 * 8)),
       scratch_(8 * dimension * (dimension + 1)),
+      root_weight_(packed_size_),
       unpacked_(static_cast<Index>(dimension), static_cast<Index>(dimension)) {
+  if (criterion.kind() == CriterionKind::kCompound) {
+    for (const CriterionPart& part : criterion.parts()) {
+      parts_.push_back({part.share, CriterionFrame(part.criterion, dimension, coordinates)});
+    }
+  } else {
+    parts_.push_back({1.0, CriterionFrame(criterion, dimension, coordinates)});
+  }
+  for (Part& part : parts_) {
+    part.frame.smooth_by_barrier();
+    is_smoothed_ = is_smoothed_ || part.frame.is_smoothed();
+    largest_power_ = std::max(largest_power_, part.frame.rank_one());
+  }
+  set_sharpness(1.0);
   const auto m = static_cast<Index>(constraints.rows.size());
   state_.s_limits.lower.resize(m);
   state_.s_limits.upper.resize(m);
@@ -163,19 +177,58 @@ bool ConstrainedWorkingSet::evaluate() {
   kernels().accumulate(rows_.data(), size(), packed_size_, state_.x.data(), matrix_.data());
   regular_ = inverse_.factor(matrix_);
   if (!regular_) return false;
-  frame_.compute(inverse_);
+  std::ranges::fill(dual_, 0.0);
+  true_dual_.assign(packed_size_, 0.0);
+  smoothing_ = 1.0;
+  for (Part& part : parts_) {
+    part.frame.compute(inverse_);
+    const double factor = part.frame.smoothing_factor();
+    smoothing_ = std::max(smoothing_, factor);
+    for (std::size_t k = 0; k < packed_size_; ++k) {
+      const double entry = part.share * part.frame.trace_dual()[k];
+      dual_[k] += entry;
+      true_dual_[k] += factor * entry;
+    }
+  }
   gain_.resize(state_.x.size());
-  kernels().price(rows_.data(), size(), packed_size_, frame_.trace_dual().data(), gain_.data());
-  prior_gain_ = 0.0;
-  for (std::size_t k = 0; k < prior_.size(); ++k) prior_gain_ += prior_[k] * trace_dual()[k];
+  kernels().price(rows_.data(), size(), packed_size_, dual_.data(), gain_.data());
+  prior_gain_ = true_prior_gain_ = 0.0;
+  for (std::size_t k = 0; k < prior_.size(); ++k) {
+    prior_gain_ += prior_[k] * dual_[k];
+    true_prior_gain_ += prior_[k] * true_dual_[k];
+  }
   return true;
 }
 
-// The rows g_i of the members listed, S_ij = g_i . g_j [- w_i w_j]: smooth_restricted_problem.hpp.
+// E and G smooth with this sharpness, and phi_p with a p that is no larger.
+void ConstrainedWorkingSet::set_sharpness(double sharpness) {
+  sharpness_ = sharpness;
+  for (Part& part : parts_) {
+    part.frame.set_sharpness(sharpness);
+    part.frame.set_power_at_most(sharpness);
+  }
+}
+
+// F and V of the members listed: smooth_restricted_problem.hpp. Each criterion has p columns of F.
+// Further terms are one column each: of F where they add, of V where they subtract.
 void ConstrainedWorkingSet::form_gram_rows() {
-  const std::size_t n = listed_.size(), stride = static_cast<std::size_t>(gram_.outerStride());
+  const std::size_t n = listed_.size(), width = (packed_size_ + 7) / 8 * 8;
+  std::size_t outer = 0;
+  Index down = 0;
+  for (const Part& part : parts_) {
+    for (const CriterionFrame::OuterTerm& term : part.frame.outer_terms()) {
+      if (term.coefficient < 0.0) {
+        ++down;
+      } else {
+        ++outer;
+      }
+    }
+    down += part.frame.rank_one() > 0.0 ? 1 : 0;
+  }
+  const std::size_t stride = width * parts_.size() + (outer + 7) / 8 * 8;
   if (gram_rows_.size() < n * stride) gram_rows_ = AlignedArray(2 * n * stride);
   new (&gram_) GramMap(gram_rows_.data(), static_cast<Index>(n), static_cast<Index>(stride));
+  downdates_.resize(static_cast<Index>(n), down);
   if (is_determinant_) {
     traces_.resize(n);
     dense_kernels().whiten(rows_.data(), listed_.data(), n, dimension_,
@@ -184,28 +237,66 @@ void ConstrainedWorkingSet::form_gram_rows() {
     gram_ /= std::sqrt(static_cast<double>(dimension_));
     return;
   }
+  gram_.rightCols(static_cast<Index>(stride - width * parts_.size())).setZero();
+  std::size_t column = width * parts_.size();
+  Index downdate = 0;
+  for (std::size_t k = 0; k < parts_.size(); ++k) {
+    form_rows_of(parts_[k], k * width);
+    form_outer_terms(parts_[k], column, downdate);
+  }
+}
+
+void ConstrainedWorkingSet::form_rows_of(const Part& part, std::size_t first) {
   const auto d = static_cast<Index>(dimension_);
-  const Vector& shares = frame_.shares();
-  for (std::size_t i = 0; i < n; ++i) {
+  const std::size_t stride = static_cast<std::size_t>(gram_.outerStride());
+  for (Index a = 0, k = 0; a < d; ++a) {
+    for (Index b = 0; b <= a; ++b, ++k) {
+      root_weight_[static_cast<std::size_t>(k)] =
+          std::sqrt((a == b ? 1.0 : 2.0) * part.share * part.frame.omega(a, b));
+    }
+  }
+  for (std::size_t i = 0; i < listed_.size(); ++i) {
     unpack(row(listed_[i]), dimension_, unpacked_.data());
-    half_.noalias() = frame_.axes() * unpacked_;
-    rotated_.noalias() = half_ * frame_.axes().transpose();
-    double* out = gram_rows_.data() + i * stride;
+    half_.noalias() = part.frame.axes() * unpacked_;
+    rotated_.noalias() = half_ * part.frame.axes().transpose();
+    double* out = gram_rows_.data() + i * stride + first;
     std::size_t k = 0;
     for (Index a = 0; a < d; ++a) {
-      for (Index b = 0; b <= a; ++b, ++k) {
-        const double omega =
-            frame_.is_trace() ? shares(a) + shares(b) : std::max(shares(a), shares(b));
-        out[k] = std::sqrt((a == b ? 1.0 : 2.0) * omega) * rotated_(a, b);
-      }
+      for (Index b = 0; b <= a; ++b, ++k) out[k] = root_weight_[k] * rotated_(a, b);
     }
-    std::fill(out + packed_size_, out + stride, 0.0);
+    std::fill(out + packed_size_, out + (packed_size_ + 7) / 8 * 8, 0.0);
+  }
+}
+
+void ConstrainedWorkingSet::form_outer_terms(const Part& part, std::size_t& column,
+                                             Index& downdate) {
+  Vector v(static_cast<Index>(size()));
+  const auto add = [&](double coefficient, std::span<const double> dual) {
+    kernels().price(rows_.data(), size(), packed_size_, dual.data(), v.data());
+    const double root = std::sqrt(part.share * std::abs(coefficient));
+    for (std::size_t i = 0; i < listed_.size(); ++i) {
+      const double entry = root * v(static_cast<Index>(listed_[i]));
+      const auto to = static_cast<Index>(i);
+      (coefficient < 0.0 ? downdates_(to, downdate) : gram_(to, static_cast<Index>(column))) =
+          entry;
+    }
+    if (coefficient < 0.0) {
+      ++downdate;
+    } else {
+      ++column;
+    }
+  };
+  if (part.frame.rank_one() > 0.0) add(-part.frame.rank_one(), part.frame.trace_dual());
+  for (const CriterionFrame::OuterTerm& term : part.frame.outer_terms()) {
+    add(term.coefficient, term.dual);
   }
 }
 
 // The diagonal Z of the limits, with a proximal term that keeps S + Z regular under ties.
 Eigen::VectorXd ConstrainedWorkingSet::limit_stiffness() const {
-  Vector z = 1e-10 * gram_.rowwise().squaredNorm().cwiseMax(gain_.cwiseAbs2());
+  // The curvature that sharpness adds says nothing of the directions in which there is none.
+  const double sharp = is_smoothed_ ? sharpness_ : 1.0;
+  Vector z = 1e-10 * (gram_.rowwise().squaredNorm() / sharp).cwiseMax(gain_.cwiseAbs2());
   for (Index k = 0; k < z.size(); ++k) {
     const double below = state_.x(k) - state_.x_limits.lower(k);
     const double above = state_.x_limits.upper(k) - state_.x(k);
@@ -222,13 +313,13 @@ bool ConstrainedWorkingSet::factorise_hessian() {
   std::iota(listed_.begin(), listed_.end(), std::size_t{0});
   form_gram_rows();
   const Vector z = limit_stiffness();
-  columns_.used = size() > 2 * packed_size_;
+  columns_.used = size() > 2 * static_cast<std::size_t>(gram_.cols());
   if (!columns_.used) {
     hessian_factor_.resize(gram_.rows(), gram_.rows());
     dense_kernels().gram(gram_rows_.data(), size(), static_cast<std::size_t>(gram_.cols()),
                          hessian_factor_.data());
-    if (frame_.is_trace()) {
-      hessian_factor_.selfadjointView<Eigen::Lower>().rankUpdate(gain_, -1.0);
+    if (downdates_.cols() > 0) {
+      hessian_factor_.selfadjointView<Eigen::Lower>().rankUpdate(downdates_, -1.0);
     }
     hessian_factor_.diagonal() += z;
     return dense_kernels().cholesky(hessian_factor_.data(), size(), 0.0);
@@ -239,11 +330,13 @@ bool ConstrainedWorkingSet::factorise_hessian() {
   columns.selfadjointView<Eigen::Lower>().rankUpdate(columns_.scaled_gram.transpose());
   columns_.factor.compute(columns);
   if (columns_.factor.info() != Eigen::Success) return false;
-  if (!frame_.is_trace()) return true;
-  columns_.solved_gain = Vector();
-  columns_.solved_gain = solve_hessian(gain_);
-  columns_.downdate = 1.0 - gain_.dot(columns_.solved_gain);
-  return columns_.downdate > 0.0;
+  columns_.solved_downdates.resize(0, 0);
+  if (downdates_.cols() == 0) return true;
+  columns_.solved_downdates = solve_hessian(downdates_);
+  const Index k = downdates_.cols();
+  columns_.downdate.compute(Matrix::Identity(k, k) -
+                            downdates_.transpose() * columns_.solved_downdates);
+  return columns_.downdate.info() == Eigen::Success;
 }
 
 // (S + Z)^-1 right.
@@ -260,8 +353,9 @@ Eigen::MatrixXd ConstrainedWorkingSet::solve_hessian(const Matrix& right) const 
   Matrix out = root.asDiagonal() *
                (scaled - columns_.scaled_gram *
                              columns_.factor.solve(columns_.scaled_gram.transpose() * scaled));
-  if (frame_.is_trace() && columns_.solved_gain.size() > 0) {
-    out += columns_.solved_gain * (columns_.solved_gain.transpose() * right) / columns_.downdate;
+  if (columns_.solved_downdates.size() > 0) {
+    out += columns_.solved_downdates *
+           columns_.downdate.solve(columns_.solved_downdates.transpose() * right);
   }
   return out;
 }
@@ -392,8 +486,9 @@ double ConstrainedWorkingSet::step_length(const Direction& step) const {
 // |B|_F of the change of M, where S measures it.
 double ConstrainedWorkingSet::model_length(const Direction& step) const {
   double squared = (gram_.transpose() * step.x).squaredNorm();
-  if (frame_.is_trace()) squared -= std::pow(gain_.dot(step.x), 2);
-  return std::sqrt(std::max(squared, 0.0) * static_cast<double>(dimension_));
+  squared -= (downdates_.transpose() * step.x).squaredNorm();
+  const double scale = std::max(static_cast<double>(dimension_), sharpness_);
+  return std::sqrt(std::max(squared, 0.0) * scale);
 }
 
 double ConstrainedWorkingSet::complementarity() const {
@@ -443,10 +538,12 @@ void ConstrainedWorkingSet::move(const Direction& step, double length) {
   state_.s_limits.at_upper += length * step.s_upper;
 }
 
-// The gap over the members, with what the rows are still broken by.
+// The gap of f over the members, with what the rows are still broken by.
 void ConstrainedWorkingSet::measure_gap() {
-  const auto bound =
-      multiplier_bound<double>(constraints_, candidates_, {gain_.data(), size()}, multipliers());
+  const std::span<const double> y{state_.y.data(), static_cast<std::size_t>(state_.y.size())};
+  true_multipliers_.assign(y.begin(), y.end());
+  for (double& multiplier : true_multipliers_) multiplier *= smoothing_;
+  const auto bound = multiplier_bound<double>(constraints_, candidates_, {gain_.data(), size()}, y);
   gap_ = std::max(prior_gain_ + bound.value - 1.0, 0.0) + infeasibility();
 }
 
@@ -489,11 +586,41 @@ void ConstrainedWorkingSet::step(bool centring) {
 }
 
 bool ConstrainedWorkingSet::improve(double pool_gap, double tolerance) {
-  constexpr int kStepLimit = 80, kStalledLimit = 12;
-  constexpr double kShortStep = 0.1;
   resize();
   start(pool_gap);
   if (!evaluate()) return false;
+  const bool sharpens = is_smoothed_ || sharpness_ < largest_power_;
+  // New members call for a smoother criterion, in which steps are longer.
+  const double smooth_again = std::max({1.0, largest_power_, 0.3 / pool_gap});
+  if (is_smoothed_ && sharpness_ > smooth_again) {
+    set_sharpness(smooth_again);
+    if (!evaluate()) return false;
+  }
+  return sharpens ? follow_sharpness(tolerance) : descend(tolerance);
+}
+
+// The optimum of f, while E or G gets as sharp as the tolerance asks for, and p as large as it is.
+bool ConstrainedWorkingSet::follow_sharpness(double tolerance) {
+  constexpr double kFaster = 4.0, kSharpest = 1e12;
+  for (;;) {
+    const bool is_sharp =
+        (!is_smoothed_ || smoothing_ - 1.0 <= 0.3 * tolerance) && sharpness_ >= largest_power_;
+    const double enough = is_sharp ? 0.5 * tolerance : std::max(0.3 / sharpness_, 0.5 * tolerance);
+    const bool done = descend(enough);
+    if (!done && !regular_) return false;
+    const bool stays_sharp = !is_smoothed_ || smoothing_ - 1.0 <= 0.4 * tolerance;
+    if (is_sharp && stays_sharp) return done;
+    if (sharpness_ > kSharpest || stop_requested()) return false;
+    set_sharpness(kFaster * sharpness_);
+    start(0.3 / sharpness_);
+    if (!evaluate()) return false;
+  }
+}
+
+// Steps until the gap of f over the members is at most `tolerance`.
+bool ConstrainedWorkingSet::descend(double tolerance) {
+  constexpr int kStepLimit = 80, kStalledLimit = 12;
+  constexpr double kShortStep = 0.1;
   double best = kInfinity;
   for (int count = 0, stalled = 0; count < kStepLimit; ++count) {
     measure_gap();
@@ -556,10 +683,7 @@ bool ConstrainedWorkingSet::step_in(const Face& face) {
   form_gram_rows();
   Matrix kkt = Matrix::Zero(n + m, n + m);
   kkt.topLeftCorner(n, n).noalias() = gram_ * gram_.transpose();
-  if (frame_.is_trace()) {
-    const Vector w = gain_(face.free);
-    kkt.topLeftCorner(n, n) -= w * w.transpose();
-  }
+  kkt.topLeftCorner(n, n).noalias() -= downdates_ * downdates_.transpose();
   const Vector diagonal = kkt.diagonal().head(n);
   kkt.diagonal().head(n) += 1e-12 * diagonal;
   kkt.bottomLeftCorner(m, n) = a_(face.rows, face.free);

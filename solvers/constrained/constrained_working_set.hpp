@@ -2,8 +2,11 @@
 // primal-dual interior point.
 //
 // Mathematics. f = -log Phi(M), M = P + sum_i x_i H_i, is convex with gradient -w_i, w_i = tr(G
-// H_i), and Hessian S (smooth_restricted_problem.hpp, which has S for all criteria: S_ij = tr(B_i
-// B_j)/d for D). The rows have slacks s_j in [L_j, U_j] where L_j < U_j. With multipliers y of the
+// H_i), and Hessian S (smooth_restricted_problem.hpp, which has S for all criteria but E: S_ij =
+// tr(B_i B_j)/d for D). S is F F^T - V V^T with a row of F a member. E and G are made smooth by a
+// barrier (criterion_frame.hpp). They and phi_p with p > 1 are followed from smooth to sharp; what
+// smoothing costs is part of the gap. The rows have slacks s_j in [L_j, U_j] where L_j < U_j. With
+// multipliers y of the
 // rows and z >= 0 of the limits, the conditions of optimality are
 //
 //   w = A^T y + z^u - z^l,     A x = s,     y = v^u - v^l  (slacks),
@@ -65,16 +68,17 @@ class ConstrainedWorkingSet {
 
   [[nodiscard]] std::span<const std::size_t> candidates() const { return candidates_; }
   [[nodiscard]] std::span<const double> efforts() const { return {state_.x.data(), size()}; }
-  [[nodiscard]] std::span<const double> multipliers() const {
-    return {state_.y.data(), static_cast<std::size_t>(state_.y.size())};
-  }
-  [[nodiscard]] std::span<const double> trace_dual() const { return frame_.trace_dual(); }  // G
-  [[nodiscard]] double prior_gain() const { return prior_gain_; }  // tr(G P)
-  [[nodiscard]] bool regular() const { return regular_; }          // M at the last efforts
-  [[nodiscard]] bool obeys_rows() const;                           // to a relative 1e-10
+  // y, G and tr(G P), of the criterion itself where it was made smooth.
+  [[nodiscard]] std::span<const double> multipliers() const { return true_multipliers_; }
+  [[nodiscard]] std::span<const double> trace_dual() const { return true_dual_; }
+  [[nodiscard]] double prior_gain() const { return true_prior_gain_; }
+
+  [[nodiscard]] bool regular() const { return regular_; }  // M at the last efforts
+  [[nodiscard]] bool obeys_rows() const;                   // to a relative 1e-10
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
 
  private:
+  using Index = Eigen::Index;
   using Vector = Eigen::VectorXd;
   using Matrix = Eigen::MatrixXd;
   // What has a lower and an upper limit, either of which may be infinite, with its multipliers.
@@ -89,13 +93,19 @@ class ConstrainedWorkingSet {
     Vector x, y, s, x_lower, x_upper, s_lower, s_upper;
   };
 
-  // (S + Z)^-1 through I + g^T Z^-1 g, where members are more than its columns.
+  // One of the criteria that make up f, and its share.
+  struct Part {
+    double share;
+    CriterionFrame frame;
+  };
+  // (S + Z)^-1 through I + F^T Z^-1 F, where members are more than its columns.
   struct ByColumns {
     bool used = false;
     Eigen::LLT<Matrix> factor = {};
-    Vector inverse_stiffness = {}, solved_gain = {};
+    Vector inverse_stiffness = {};
     Matrix scaled_gram = {};
-    double downdate = 1.0;
+    Matrix solved_downdates = {};
+    Eigen::LLT<Matrix> downdate = {};  // I - V^T (F F^T + Z)^-1 V
   };
   // Where some efforts stand at their limits and some rows bind.
   struct Face {
@@ -109,7 +119,12 @@ class ConstrainedWorkingSet {
   void start(double pool_gap);
   void centre(const Vector& value, double mu, Limited& limited) const;
   bool evaluate();
+  bool descend(double tolerance);
+  void set_sharpness(double sharpness);
+  bool follow_sharpness(double tolerance);
   void form_gram_rows();
+  void form_rows_of(const Part& part, std::size_t first);
+  void form_outer_terms(const Part& part, std::size_t& column, Index& downdate);
   [[nodiscard]] Vector limit_stiffness() const;
   bool factorise_hessian();
   [[nodiscard]] Matrix solve_hessian(const Matrix& right) const;
@@ -139,7 +154,7 @@ class ConstrainedWorkingSet {
 
   const DesignConstraints& constraints_;
   std::size_t dimension_, packed_size_;
-  CriterionFrame frame_;
+  std::vector<Part> parts_;
   InverseCholesky inverse_;
   bool is_determinant_;  // criterion D
   std::vector<double> prior_;
@@ -150,11 +165,18 @@ class ConstrainedWorkingSet {
 
   State state_;
   Direction predictor_, corrector_;
-  double length_ = 0.0;  // of the last step
-  Vector is_slack_;      // 1 for rows with L < U, 0 for equations
-  Matrix a_;             // rows of the members, m x n
-  Vector gain_;          // w
-  double prior_gain_ = 0.0;
+  double length_ = 0.0;       // of the last step
+  Vector is_slack_;           // 1 for rows with L < U, 0 for equations
+  Matrix a_;                  // rows of the members, m x n
+  Vector gain_;               // w
+  std::vector<double> dual_;  // G of f
+  double prior_gain_ = 0.0;   // tr(G P)
+  std::vector<double> true_dual_, true_multipliers_;
+  double true_prior_gain_ = 0.0;
+  bool is_smoothed_ = false;    // E or G
+  double sharpness_ = 1.0;      // of E and G, and what p is held to
+  double largest_power_ = 1.0;  // p
+  double smoothing_ = 1.0;      // the largest factor between the gaps of criterion and f
   bool regular_ = false;
   double gap_ = 0.0;       // over the members
   std::size_t fresh_ = 0;  // members from here on have never been solved for
@@ -163,8 +185,9 @@ class ConstrainedWorkingSet {
   AlignedArray gram_rows_;
   using GramMap =
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
-  GramMap gram_;  // listed x stride, the rows g_i
-  std::vector<double> traces_, scratch_;
+  GramMap gram_;      // listed x stride, the rows g_i
+  Matrix downdates_;  // V of the members listed
+  std::vector<double> traces_, scratch_, root_weight_;
   Matrix hessian_factor_;  // of S + Z, or
   ByColumns columns_;
   Matrix half_, rotated_, unpacked_;

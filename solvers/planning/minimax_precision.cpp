@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/stop.hpp"
 #include "solvers/constrained/constrained_certificate.hpp"
@@ -26,7 +25,10 @@ class MinimaxSearch {
                 std::span<const PrecisionTarget> targets, const MinimaxOptions& options)
       : set_(set), constraints_(constraints), targets_(targets), options_(options) {
     best_.upper = kInfinity;
-    best_.mu.assign(targets.size(), 1.0 / static_cast<double>(targets.size()));
+    best_.mu.assign(options.start.begin(), options.start.end());
+    if (best_.mu.empty()) {
+      best_.mu.assign(targets.size(), 1.0 / static_cast<double>(targets.size()));
+    }
   }
 
   MinimaxPrecision run() {
@@ -65,7 +67,12 @@ class MinimaxSearch {
       best_.lower = kInfinity;
       return false;
     }
-    if (solution.efforts.empty()) throw InputError(solution.message);
+    if (solution.efforts.empty()) {
+      best_.singular = solution.status == SolveStatus::kUnsupported;
+      best_.failed = !best_.singular;
+      if (best_.singular) best_.lower = kInfinity;
+      return false;
+    }
     const ConstrainedCertificate proof =
         certify_constrained(set_, solution.efforts, constraints_, options.criterion);
     if (proof.certificate.status == CertificateStatus::kCertified) {

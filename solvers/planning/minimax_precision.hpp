@@ -41,6 +41,7 @@ struct MinimaxOptions {
   PrecisionQuestion question = PrecisionQuestion::kValue;
   double gap = 1e-3;  // of v, relative
   int threads = 1;
+  std::span<const double> start = {};  // mu to begin with; empty: all alike
 };
 
 struct MinimaxPrecision {
@@ -49,11 +50,12 @@ struct MinimaxPrecision {
   std::vector<double> efforts;    // x, Q numbers
   std::vector<double> mu;         // one a target, sum 1; `lower` is that of this mu
   bool infeasible = false;        // no x obeys the constraints; lower is infinite
+  bool singular = false;          // M is singular for all x that do; lower is infinite
+  bool failed = false;            // an inner problem was not solved; `lower` holds all the same
   std::vector<std::size_t> pool;  // candidates that some x_t runs, ascending
 };
 
-// Constraints have to fit the set (require_fits()). Throws Stopped when stop.hpp says so, and
-// InputError where the prior and all candidates together are singular.
+// Constraints have to fit the set (require_fits()). Throws Stopped when stop.hpp says so.
 [[nodiscard]] MinimaxPrecision solve_minimax_precision(const InformationSet& set,
                                                        const DesignConstraints& constraints,
                                                        std::span<const PrecisionTarget> targets,

@@ -19,6 +19,7 @@ CriterionFrame::CriterionFrame(const Criterion& criterion, std::size_t dimension
     : form_(criterion.is_trace()                       ? Form::kTrace
             : criterion.kind() == CriterionKind::kPhiP ? Form::kPower
             : criterion.kind() == CriterionKind::kG    ? Form::kRegion
+            : criterion.kind() == CriterionKind::kE    ? Form::kEigenvalue
                                                        : Form::kDeterminant),
       dual_(packed_size(dimension)) {
   const auto d = static_cast<Index>(dimension);
@@ -32,6 +33,9 @@ CriterionFrame::CriterionFrame(const Criterion& criterion, std::size_t dimension
     full_power_ = power_ = rank_one_ = criterion.p();
     k_ = Eigen::MatrixXd::Identity(d, d);
     complete_ = true;
+  } else if (form_ == Form::kEigenvalue) {
+    k_ = Eigen::MatrixXd::Identity(d, d);
+    complete_ = barrier_ = true;
   } else {
     const std::vector<double> factor = criterion.factor(dimension);
     k_ = Eigen::Map<const Eigen::MatrixXd>(factor.data(), d, static_cast<Index>(factor.size()) / d);
@@ -52,7 +56,7 @@ void CriterionFrame::set_power_at_most(double limit) {
 
 void CriterionFrame::set_sharpness(double sharpness) {
   sharpness_ = sharpness;
-  if (is_smoothed()) rank_one_ = sharpness;
+  if (is_smoothed()) rank_one_ = barrier_ ? 0.0 : sharpness;
 }
 
 void CriterionFrame::whiten(const InverseCholesky& inverse) {
@@ -75,6 +79,52 @@ double CriterionFrame::power_value() {
   return 2.0 * std::log(largest) + std::log1p(excess / d) / power_;
 }
 
+// f less log of the largest of numbers whose ratios to it are given; D in share_. With t such that
+// the largest u is 1 - e, the sum of D falls in e and is convex: Newton's method from below.
+double CriterionFrame::barrier_value(std::span<const double> relative) {
+  constexpr int kMostSteps = 100;
+  const double tau = 1.0 / sharpness_;
+  double e = tau / (1.0 + tau);
+  for (int step = 0; step < kMostSteps; ++step) {
+    double sum = 0.0, slope = 0.0;
+    for (const double r : relative) {
+      const double rest = (1.0 - r) + e * r;  // 1 - u
+      sum += tau * (1.0 - e) * r / rest;
+      slope += tau * r / (rest * rest);
+    }
+    const double change = (sum - 1.0) / slope;
+    e = std::clamp(e + change, 1e-300, 1.0);
+    if (std::abs(change) <= 1e-15 * e) break;
+  }
+  double sum = 0.0, logs = 0.0;
+  share_.resize(relative.size());
+  for (std::size_t a = 0; a < share_.size(); ++a) {
+    const double rest = (1.0 - relative[a]) + e * relative[a];
+    sum += share_[a] = tau * (1.0 - e) * relative[a] / rest;
+    logs += std::log(rest);
+  }
+  smoothing_factor_ = 0.0;
+  for (std::size_t a = 0; a < share_.size(); ++a) {
+    share_[a] /= sum;
+    smoothing_factor_ += relative[a] > 0.0 ? share_[a] / relative[a] : 0.0;
+  }
+  return -std::log1p(-e) - tau * logs;
+}
+
+// The smoothing factor of E is the inverse: there the D_a weigh numbers 1/l_a, not their inverses.
+double CriterionFrame::eigenvalue_value() {
+  svd_.compute(whitened_, Eigen::ComputeFullU);
+  const double largest = svd_.singularValues()(0);
+  relative_ = (svd_.singularValues() / largest).cwiseAbs2();
+  const double f = barrier_value({relative_.data(), static_cast<std::size_t>(relative_.size())});
+  double mean = 0.0;
+  for (std::size_t a = 0; a < share_.size(); ++a) {
+    mean += share_[a] * relative_(static_cast<Index>(a));
+  }
+  smoothing_factor_ = 1.0 / mean;
+  return 2.0 * std::log(largest) + f;
+}
+
 double CriterionFrame::region_value() {
   variance_.resize(row_counts_.size());
   share_.resize(row_counts_.size());
@@ -84,6 +134,11 @@ double CriterionFrame::region_value() {
         whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j]))
             .squaredNorm();
     largest = std::max(largest, variance_[j]);
+  }
+  if (barrier_) {
+    std::vector<double> relative(variance_.size());
+    for (std::size_t j = 0; j < relative.size(); ++j) relative[j] = variance_[j] / largest;
+    return std::log(largest) + barrier_value(relative);
   }
   double sum = 0.0;
   for (std::size_t j = 0; j < share_.size(); ++j) {
@@ -107,6 +162,8 @@ double CriterionFrame::value(const InverseCholesky& inverse) {
       return power_value();
     case Form::kRegion:
       return region_value();
+    case Form::kEigenvalue:
+      return eigenvalue_value();
     case Form::kDeterminant:
       break;
   }
@@ -124,6 +181,10 @@ double CriterionFrame::compute(const InverseCholesky& inverse) {
   } else if (form_ == Form::kPower) {
     axes_.noalias() = svd_.matrixU().transpose() * x_;
     shares_ = relative_.array().pow(power_) / power_sum_;
+  } else if (form_ == Form::kEigenvalue) {
+    axes_.noalias() = svd_.matrixU().transpose() * x_;
+    shares_ = Eigen::VectorXd::Map(share_.data(), static_cast<Index>(share_.size()));
+    collect_eigenvalue_term();
   } else {
     if (form_ == Form::kRegion) {
       for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
@@ -144,9 +205,21 @@ double CriterionFrame::compute(const InverseCholesky& inverse) {
   return f;
 }
 
+void CriterionFrame::collect_eigenvalue_term() {
+  const Eigen::VectorXd q = shares_.array() * (1.0 + sharpness_ * shares_.array());
+  dual_matrix_.noalias() = axes_.transpose() * q.asDiagonal() * axes_;
+  outer_.resize(1);
+  outer_.front().coefficient = -1.0 / (1.0 + sharpness_ * shares_.squaredNorm());
+  outer_.front().dual.resize(dual_.size());
+  pack_trace_dual(dual_matrix_.data(), static_cast<std::size_t>(x_.rows()),
+                  outer_.front().dual.data());
+}
+
 // With the columns of a point scaled to pi_j in squared norm, their outer products over pi_j.
 void CriterionFrame::collect_outer_terms() {
   outer_.clear();
+  OuterTerm last{-1.0, std::vector<double>(dual_.size(), 0.0)};
+  double curvature = 1.0;
   Eigen::MatrixXd v(x_.rows(), x_.rows());
   for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
     if (share_[j] < kSmallestShare) continue;
@@ -158,11 +231,21 @@ void CriterionFrame::collect_outer_terms() {
     term.coefficient = (sharpness_ - 1.0) * share_[j];
     term.dual.resize(dual_.size());
     pack_trace_dual(v.data(), static_cast<std::size_t>(x_.rows()), term.dual.data());
+    if (!barrier_) continue;
+    term.coefficient = sharpness_ * share_[j] * share_[j];
+    curvature += term.coefficient;
+    const double part = share_[j] + term.coefficient;
+    for (std::size_t k = 0; k < dual_.size(); ++k) last.dual[k] += part * term.dual[k];
   }
+  last.coefficient = -1.0 / curvature;
+  if (barrier_) outer_.push_back(std::move(last));
 }
 
 double CriterionFrame::omega(Index a, Index b) const {
   if (form_ == Form::kDeterminant) return std::max(shares_(a), shares_(b));
+  if (form_ == Form::kEigenvalue) {
+    return shares_(a) + shares_(b) + sharpness_ * shares_(a) * shares_(b);
+  }
   if (form_ != Form::kPower) return shares_(a) + shares_(b);
   // sigma_a^p (1 - t^(p+1))/(1 - t) with t = sigma_b/sigma_a <= 1.
   const double high = std::max(relative_(a), relative_(b));

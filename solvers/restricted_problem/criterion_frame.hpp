@@ -32,6 +32,18 @@
 //                       + sum_j (b - 1) pi_j v_ji v_jj' - b w_i w_j',
 //                       v_ji = tr(M^-1 J_j^T J_j M^-1 H_i)/g_j.
 //
+// E, and G where it is asked for, are made smooth by a barrier of weight tau = 1/b: with the
+// eigenvalues l_a of M, or l_j = 1/g_j,
+//
+//   -f = max_t [log t + tau sum_a log(1 - t/l_a)],     D_a = tau u_a/(1 - u_a),   u_a = t/l_a.
+//
+// At the best t sum D = 1, and D_a are the shares. log min_a l_a is at most (number of the a) tau
+// above -f. Newton's method bears a barrier better than a norm: f/tau is self-concordant for E. The
+// second derivative has, with q = sum_a D_a (1 + D_a/tau) d log l_a, the term
+//
+//   - q q^T / (1 + sum D_a^2/tau)   beside   Omega_ab = D_a + D_b + D_a D_b/tau          (E),
+//                                            that of L and sum_j D_j^2/tau v_j v_j^T     (G).
+//
 // O(d^3), for G and m rows of the region O(m d^2).
 #pragma once
 
@@ -57,7 +69,7 @@ class CriterionFrame {
   };
 
   // In the coordinates H_i -> R H_i R^T, R d x d row-major (the identity if empty), K becomes R K,
-  // and J_j^T R J_j^T. Not for E and compound, nor for G without a region.
+  // and J_j^T R J_j^T. Not for compound, nor for G without a region.
   CriterionFrame(const Criterion& criterion, std::size_t dimension,
                  std::span<const double> coordinates);
 
@@ -75,27 +87,35 @@ class CriterionFrame {
 
   [[nodiscard]] double omega(Eigen::Index a, Eigen::Index b) const;
   [[nodiscard]] double rank_one() const { return rank_one_; }  // r
-  // G: those of the points whose pi_j matters.
+  // G: those of the points whose pi_j matters. With a barrier the last one is -q q^T.
   [[nodiscard]] std::span<const OuterTerm> outer_terms() const { return outer_; }
 
   // phi_p: min(p, limit) in place of p.
   void set_power_at_most(double limit);
-  // G: b, 1 at first.
+  // G and E: b, 1 at first.
   void set_sharpness(double sharpness);
-  [[nodiscard]] bool is_smoothed() const { return form_ == Form::kRegion; }
+  // G by the barrier, as E.
+  void smooth_by_barrier() { barrier_ = true; }
+  [[nodiscard]] bool is_smoothed() const {
+    return form_ == Form::kRegion || form_ == Form::kEigenvalue;
+  }
   [[nodiscard]] std::size_t point_count() const { return row_counts_.size(); }
   // G: mu_j = (pi_j/g_j) / sum, the weights of the points in the dual problem.
   [[nodiscard]] std::vector<double> point_weights() const;
   // G: max_j g_j sum_j pi_j/g_j >= 1, by which the gap of the largest variance exceeds that of f.
+  // E: the same with 1/l_a in place of g_j.
   [[nodiscard]] double smoothing_factor() const { return smoothing_factor_; }
 
  private:
-  enum class Form { kTrace, kDeterminant, kPower, kRegion };
+  enum class Form { kTrace, kDeterminant, kPower, kRegion, kEigenvalue };
 
   void whiten(const InverseCholesky& inverse);
   double power_value();
   double region_value();
+  double eigenvalue_value();
+  double barrier_value(std::span<const double> relative);
   void collect_outer_terms();
+  void collect_eigenvalue_term();
 
   Form form_;
   double full_power_ = 1.0;  // p
@@ -111,7 +131,8 @@ class CriterionFrame {
   Eigen::JacobiSVD<Eigen::MatrixXd> svd_;
   std::vector<double> dual_;
 
-  double sharpness_ = 1.0;  // G, like all below
+  bool barrier_ = false;  // G and E, like all below
+  double sharpness_ = 1.0;
   double smoothing_factor_ = 1.0;
   std::vector<std::size_t> row_counts_;   // rows of a point are columns of K
   std::vector<double> variance_, share_;  // g_j and pi_j

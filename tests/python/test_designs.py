@@ -232,6 +232,53 @@ class Solve(InFolder):
         self.assertEqual(graybox.certify(H, by_array, experiments=20, stock=limits, require="12:1",
                                          gap=1e-6).gap, by_array.gap)
 
+    def test_blocks_have_the_sizes_asked_for(self):
+        # A quadratic on two days, each with an offset of its own: what is left is the scatter about
+        # each day's mean.
+        t = np.linspace(-1, 1, 5)
+        z = np.column_stack([t, t**2])
+        rows = np.concatenate([np.column_stack([z, *(np.full(5, float(day == other))
+                                                     for other in range(2))]) for day in range(2)])
+        days = graybox.InformationSet(rows[:, :, None] * rows[:, None, :],
+                                      coordinates=np.repeat([1.0, 2.0], 5)[:, None],
+                                      coordinate_names=["block"])
+
+        def scatter(counts):
+            centred = z - counts @ z / counts.sum()
+            return centred.T @ (counts[:, None] * centred)
+
+        def of_size(size):
+            return [np.array(each) for each in itertools.product(range(size + 1), repeat=5)
+                    if sum(each) == size]
+        best = max(np.linalg.det(scatter(a) + scatter(b)) for a in of_size(3) for b in of_size(2))
+        asked = {"criterion": "Ds", "interest": [0, 1]}
+        relaxed = graybox.solve(days, **asked, block_sizes=[3, 2])
+        self.assertTrue(relaxed.solved)
+        np.testing.assert_allclose(relaxed.efforts.reshape(2, 5).sum(axis=1), [3, 2], rtol=1e-9)
+        self.assertGreaterEqual(relaxed.certificate.bound, np.log(best))
+        counts = graybox.exact(days, **asked, block_sizes="3, 2").counts.reshape(2, 5)
+        self.assertEqual(counts.sum(axis=1).tolist(), [3, 2])
+        self.assertAlmostEqual(np.linalg.det(scatter(counts[0]) + scatter(counts[1])), best, 9)
+        with self.assertRaisesRegex(graybox.InputError, "block"):
+            graybox.solve(days, **asked, block_sizes=[3, 1, 1])
+
+    def test_several_criteria_at_once(self):
+        H = random_set(60, 3, 2)
+        both = graybox.solve(H, {"D": 0.25, "A": 0.75})
+        self.assertTrue(both.solved)
+
+        def value(weights):
+            M = np.einsum("q,qij->ij", weights, H)
+            return 0.25 * np.linalg.slogdet(M)[1] / 3 - 0.75 * np.log(np.trace(np.linalg.inv(M)))
+        self.assertAlmostEqual(both.certificate.criterion_value, value(both.weights), 9)
+        random = np.random.default_rng(0)
+        for _ in range(200):
+            other = random.dirichlet(np.full(60, 0.1))
+            self.assertLessEqual(value(other), both.certificate.criterion_value + 1e-6)
+        for wrong in ({"D": 0.5, "Z": 0.5}, {"D": -1.0, "A": 1.0}, {}):
+            with self.assertRaises(graybox.InputError, msg=wrong):
+                graybox.solve(H, wrong)
+
     def test_rows_costs_and_what_is_known(self):
         H = random_set(60)
         A = np.vstack([np.arange(60) < 30, np.arange(60) % 2 == 0]).astype(float)

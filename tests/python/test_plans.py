@@ -37,6 +37,28 @@ class Plan(InFolder):
         self.assertLessEqual(short.worst_ratio, 2 / np.sqrt(20) / 0.41 + 1e-9)
         self.assertIn("at least", repr(short))
 
+    def test_the_cheapest_has_a_closed_form(self):
+        # Two ways to learn each parameter: the better one for its money is taken, as often as needed.
+        deviations = np.array([0.5, 1.0, 0.6, 0.8])
+        H = np.zeros((4, 2, 2))
+        H[[0, 1], 0, 0] = 1 / deviations[:2]**2
+        H[[2, 3], 1, 1] = 1 / deviations[2:]**2
+        costs = [3, 1, 2, 1]
+        plan = graybox.plan(H, "sd(all) <= 0.2", costs=costs)
+        self.assertTrue(plan.proven)
+        # 25 units of information are needed: 4 a run for 3 or 1 for 1; 2.78 for 2 or 1.5625 for 1.
+        pairs = [(a, b) for a in range(8) for b in range(26)]
+        first = min(3 * a + b for a, b in pairs if 4 * a + b >= 25 - 1e-9)
+        second = min(2 * a + b for a, b in pairs if a / 0.36 + b / 0.64 >= 25 - 1e-9)
+        self.assertEqual(plan.cost, first + second)
+        self.assertEqual(plan.least_cost, plan.cost)
+        self.assertEqual(plan.cost, plan.counts @ costs)
+        self.assertIn("experiments for", repr(plan))
+        poor = graybox.plan(H, "sd(all) <= 0.2", costs=costs, budget=20)
+        self.assertEqual(poor.status, "out_of_reach")
+        with self.assertRaisesRegex(graybox.InputError, "costs: the curve counts"):
+            graybox.precision_curve(H, [4], "sd(all) <= 0.2", costs=costs)
+
     def test_it_is_the_plan_of_the_command(self):
         H = random_set(40, 3, 5)
         file = self.saved(H)
@@ -61,7 +83,8 @@ class Plan(InFolder):
         for wrong in ({}, {"targets": "k1"}, {"targets": "sd(9) <= 1"},
                       {"targets": "sd(0) <= 1", "noise": 0.0},
                       {"targets": "sd(0) <= 1", "experiments": 5},
-                      {"targets": "sd(0) <= 1", "budget": 5, "costs": 1},
+                      {"targets": "sd(0) <= 1", "budget": 5},
+                      {"targets": "sd(0) <= 1", "block_sizes": [4, 4]},
                       {"targets": "sd(0) <= 1", "at_most": 0}):
             with self.assertRaises(graybox.InputError, msg=wrong):
                 graybox.plan(H, **wrong)

@@ -22,8 +22,8 @@ class PlanCommand : public testing::CommandRunner {
 };
 
 TEST_F(PlanCommand, ReachesWhatWasAskedAndLeavesADesignForOthers) {
-  const testing::Outcome planned = graybox(
-      "design plan set.h5 --target 'sd(all) <= 0.2' --detect '0 by 1' -o plan.json --json");
+  const testing::Outcome planned =
+      graybox("design plan set.h5 --target 'sd(all) <= 0.2' --detect '0 by 1' -o plan.json --json");
   ASSERT_EQ(planned.exit_code, 0) << planned.err << planned.out;
   const Json plan = Json::parse(planned.out);
   EXPECT_EQ(plan["status"], "proven");
@@ -52,6 +52,39 @@ TEST_F(PlanCommand, MoreNoiseAsksForItsSquareOfExperiments) {
   EXPECT_NEAR(needed("--noise 4") / needed("--noise 1"), 16.0, 4.0);
 }
 
+TEST_F(PlanCommand, FindsTheCheapestExperiments) {
+  std::string costs;
+  for (int i = 0; i < 60; ++i) costs += i % 3 == 0 ? "5\n" : "20\n";
+  testing::write_text(folder_.file("minutes.csv"), costs);
+  const std::string ask = "design plan set.h5 --target 'sd(0) <= 0.3' --costs minutes.csv ";
+  const testing::Outcome planned = graybox(ask + "--json -o plan.json");
+  ASSERT_EQ(planned.exit_code, 0) << planned.err << planned.out;
+  const Json plan = Json::parse(planned.out);
+  double cost = 0.0;
+  for (const Json& run : plan["counts"]) {
+    cost += run["count"].get<double>() * (run["index"].get<int>() % 3 == 0 ? 5.0 : 20.0);
+  }
+  EXPECT_DOUBLE_EQ(plan["cost"].get<double>(), cost);
+  EXPECT_EQ(plan["cost"], plan["least_cost"]);  // multiples of five minutes
+  EXPECT_EQ(graybox("check set.h5 plan.json").exit_code, 0);
+  const testing::Outcome poor = graybox(ask + "--budget " + std::to_string(cost - 5.0));
+  EXPECT_EQ(poor.exit_code, 1);
+  EXPECT_NE(
+      poor.out.find("no design was found; at least " + std::to_string(cost - 2.5).substr(0, 4)),
+      std::string::npos)
+      << poor.out;
+}
+
+TEST_F(PlanCommand, WhatIsKnownMayBeEnough) {
+  ASSERT_EQ(graybox("exact set.h5 --experiments 40 -o done.json").exit_code, 0);
+  for (const std::string options : {"", " --costs 2"}) {
+    const testing::Outcome planned =
+        graybox("design plan set.h5 --target 'sd(0) <= 1' --done done.json --json" + options);
+    ASSERT_EQ(planned.exit_code, 0) << planned.err << planned.out;
+    EXPECT_EQ(Json::parse(planned.out)["experiments"], 0);
+  }
+}
+
 TEST_F(PlanCommand, WritesACurve) {
   const testing::Outcome outcome = graybox(
       "design plan set.h5 --target 'sd(0) <= 0.1' --detect '1 by 0.4' --experiments 6,12,40 "
@@ -71,7 +104,10 @@ TEST_F(PlanCommand, SaysWhatCantBe) {
       << far.out;
   expect_refused("design plan set.h5", "target: say what is to be reached, as 'sd(k1) <= 0.02'");
   expect_refused("design plan set.h5 --target 'sd(9) <= 1'", "9");
-  expect_refused("design plan set.h5 --target 'sd(0) <= 1' --costs 1", "costs: a plan counts");
+  expect_refused("design plan set.h5 --target 'sd(0) <= 1' --budget 3",
+                 "budget: say what each experiment costs (costs)");
+  expect_refused("design plan set.h5 --target 'sd(0) <= 1' --costs 1 --experiments 4 --table t.csv",
+                 "--table counts experiments, without costs");
   expect_refused("design plan set.h5 --target 'sd(0) <= 1' --noise 0", "noise: a positive factor");
   expect_refused("design plan set.h5 --detect '0 by 1' --power 1.5", "power: it lies between");
   expect_refused("design plan set.h5 --target 'sd(0) <= 1' --table t.csv", "--experiments LIST");

@@ -84,7 +84,7 @@ std::vector<PrecisionTarget> random_targets(const InformationSet& set, std::size
   return targets;
 }
 
-// With one target the tree proves every number. With several it may have to leave one open.
+// The trees prove every number.
 TEST(ExperimentPlan, IsTheSmallestNumberOfBruteForce) {
   int proven = 0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
@@ -109,7 +109,7 @@ TEST(ExperimentPlan, IsTheSmallestNumberOfBruteForce) {
       EXPECT_LE(plan.standard_errors[j], targets[j].standard_error * (1.0 + 1e-9)) << seed;
     }
   }
-  EXPECT_GE(proven, 34);  // of 40
+  EXPECT_EQ(proven, 40);
 }
 
 // On two candidates the mixture is one number.
