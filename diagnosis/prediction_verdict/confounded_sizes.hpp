@@ -1,12 +1,12 @@
-// Sizes that hold only if a plain force is absent, which these recordings do not tell: the inertia
-// of an axis that only ever decelerates evenly is another beside a weight; the damping of one that
-// turns at one speed is another beside dry friction.
+// Sizes that hold only if a plain force is absent. The inertia of an axis that only ever decelerates
+// evenly is another beside a weight. The damping of one that turns at one speed is another beside
+// dry friction.
 //
 // The model found is fitted again beside each constant force, weight, dry and viscous friction that
-// it lacks, and that did not gain enough to be found. A parameter is told with its value beside that
-// force where this is other by a fifth, or uncertain by half, and by five of its own standard errors
-// (omitted variables: Theil, Review of the International Statistical Institute 25, 1957).
-// Cost: a few fits for each mass; recordings of more than 4000 samples are not asked.
+// it lacks. None of them gained enough to be found. A parameter is told where its value beside such
+// a force is other by a fifth, or uncertain by half, and that is five of its own standard errors.
+// Source: omitted variables (Theil, Review of the International Statistical Institute 25, 1957).
+// Cost: a few fits for each mass. Recordings of more than 4000 samples are not asked.
 #pragma once
 
 #include <string>

@@ -570,7 +570,7 @@ TEST_F(LogDoubts, ADriveThatIsReadMoreRarelyIsTold) {
 }
 
 TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
-  const Axis m = axis(70, 0.04);
+  const Axis m = axis(52, 0.04);
   const std::string file = write(
       "short.csv", {{"time [s]", m.time}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
   const ModelProposal proposal = written({file});
