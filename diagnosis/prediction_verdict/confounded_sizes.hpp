@@ -1,4 +1,4 @@
-// Sizes that hold only if a plain force is absent. The inertia of an axis that only ever decelerates
+// Sizes that hold only if a plain force is absent. The inertia of an axis that only ever slows down
 // evenly is another beside a weight. The damping of one that turns at one speed is another beside
 // dry friction.
 //
