@@ -138,8 +138,7 @@ class MotionSearch {
     take_motion(choose_motion(load, context), "load");
   }
 
-  // Of the larger correlation with the drive: where the smaller is as large, both may be driven.
-  static constexpr double kAlike = 0.6;
+  static constexpr double kApart = 3.0;  // standard errors of two correlations
 
   // Two positions, or two velocities, without words for their side: the driven one follows the
   // force at once.
@@ -166,10 +165,13 @@ class MotionSearch {
         proposal_, "driven mass", fmt::format("'{}'", motor.front()->name),
         fmt::format("its acceleration follows the drive: correlation {:.2f}, of the other {:.2f}",
                     more, less));
-    if (less > kAlike * more) ask_once(proposal_, question_of_driven(measured, is_velocity));
+    const double error = std::sqrt(2.0 / static_cast<double>(measured[0]->values.size()));
+    if (more - less < kApart * error) {
+      ask_once(proposal_, question_of_driven(measured, is_velocity));
+    }
   }
 
-  // Both follow the drive about as much.
+  // Both follow the drive, as far as so many samples tell.
   static OpenQuestion question_of_driven(const Columns& measured, bool is_velocity) {
     const std::string quantity = is_velocity ? "velocity" : "position";
     OpenQuestion question;
