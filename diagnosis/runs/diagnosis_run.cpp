@@ -446,7 +446,10 @@ bool has_loose_mass(const Diagnosis& diagnosis) {
 // What the recordings of the fit lack that those kept out may have; empty: nothing.
 std::string lack_of(const Diagnosis& diagnosis) {
   if (diagnosis.interrupted || !diagnosis.channel_faults.empty()) return "";
-  if (diagnosis.verdict == Verdict::kUnknown && !has_law_borne_out(diagnosis)) {
+  const bool stands_in = std::ranges::any_of(diagnosis.implausible, [](const auto& flaw) {
+    return flaw.rule == PlausibilityRule::kSize;  // beyond what was ever carried
+  });
+  if (diagnosis.verdict == Verdict::kUnknown && (stands_in || !has_law_borne_out(diagnosis))) {
     return "show no law that holds on those kept out";
   }
   const bool is_open = diagnosis.verdict != Verdict::kNone && has_loose_mass(diagnosis);

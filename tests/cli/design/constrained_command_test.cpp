@@ -100,7 +100,7 @@ TEST_F(ConstrainedCommand, WhatDoesNotFitIsRefusedInOneLine) {
   expect_refused("solve set.h5 --experiments 3 --forbid 60", "beyond the last candidate");
   expect_refused("solve set.h5 --experiments 3 --forbid 'q1 > 2'", "coordinates");
   expect_refused("solve set.h5 --experiments 3 --solver multiplicative", "column_generation");
-  expect_refused("solve set.h5 --experiments 3 --criterion E", "criterion E");
+  expect_refused("exact set.h5 --experiments 3 --criterion E", "E");
   expect_refused("solve set.h5 --request missing.yaml", "missing.yaml");
   expect_refused("exact set.h5", "experiments");
   expect_refused("exact set.h5 --top 2", "experiments");

@@ -196,7 +196,7 @@ TEST_F(RecordingFormats, HeadersThatNameSomeColumnsOnly) {
   EXPECT_TRUE(std::isnan(excel.at("u").values(0)));
   ASSERT_EQ(excel.remarks.size(), 1U);
   EXPECT_NE(excel.remarks[0].find("column 5"), std::string::npos);
-  write_text(file("bad.csv"), "x,y\n1,two\n");
+  write_text(file("bad.csv"), "x,y\n1,two\n2,3\n");
   expect_refused("bad.csv", "'two' is no number");
 }
 
