@@ -120,8 +120,9 @@ std::vector<std::string> confounded_sizes(const PredictionOutcome& from) {
   std::vector<Doubt> doubts;
   for (const PlainForce& force : kForces) {
     for (std::size_t h = 0; h < all.size(); ++h) {
+      const bool is_of_machine = all[h].location.find("kind: element") != std::string::npos;
       const bool is_asked =
-          all[h].law == force.law && from.hypotheses->is_plain(h) &&
+          all[h].law == force.law && is_of_machine && from.hypotheses->is_plain(h) &&
           std::ranges::count(found.fit.model.laws, h, &PlacedFinding::hypothesis) == 0;
       if (!is_asked) continue;
       const JudgedModel beside = from.final->beside(h);

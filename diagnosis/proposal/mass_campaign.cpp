@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
@@ -39,9 +40,10 @@ class MassCampaign {
     }
     if (machine_.has_goal() && !machine_.motions.empty()) add_goal_channel();
     if (machine_.motions.empty()) {
-      draft_.channels.push_back({machine_.is_linear() ? "position" : "angle", 0, "ANSWER",
-                                 machine_.is_linear() ? "m" : "rad", "", "output",
-                                 "# ANSWER: which column is the motion? " + option_of_last()});
+      draft_.channels.push_back(
+          {machine_.is_linear() ? "position" : "angle", 0, "ANSWER",
+           machine_.is_linear() ? "m" : "rad", "", "output",
+           "# ANSWER: which column is the motion? " + option_about("measured")});
     }
     note_gaps();
     note_unused();
@@ -102,8 +104,9 @@ class MassCampaign {
     if (machine_.request.no_drive && machine_.drive == nullptr) return add_no_drive();
     if (machine_.has_goal()) return;
     if (machine_.drive == nullptr) {
-      draft_.channels.push_back({machine_.force_name(), 0, "ANSWER", "1", "", "input",
-                                 "# ANSWER: which column drives the machine? " + option_of_last()});
+      draft_.channels.push_back(
+          {machine_.force_name(), 0, "ANSWER", "1", "", "input",
+           "# ANSWER: which column drives the machine? " + option_about("drive")});
       return;
     }
     std::string unit = machine_.drive->words.unit.empty() ? "1" : machine_.drive->words.unit;
@@ -147,8 +150,14 @@ class MassCampaign {
       draft_.wrapped.push_back({machine_.force_name(), machine_.drive_wrap});
   }
 
-  [[nodiscard]] std::string option_of_last() const {
-    return proposal_.questions.empty() ? "" : proposal_.questions.back().option;
+  // Of the question with this word; without one, of the last.
+  [[nodiscard]] std::string option_about(std::string_view word) const {
+    const std::vector<OpenQuestion>& questions = proposal_.questions;
+    if (questions.empty()) return "";
+    const auto own = std::ranges::find_if(questions, [&](const OpenQuestion& question) {
+      return question.text.find(word) != std::string::npos;
+    });
+    return own == questions.end() ? questions.back().option : own->option;
   }
 
   // Halves of which one has no drive or no motion check nothing: then alternating blocks.

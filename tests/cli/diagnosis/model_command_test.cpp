@@ -165,7 +165,11 @@ TEST_F(Model, WithoutAHeaderItAsksAndAnswersGoStraightThrough) {
   const Outcome asked = graybox("model run_1.csv run_2.csv -o axis </dev/null");
   EXPECT_EQ(asked.exit_code, 2);
   EXPECT_NE(asked.err.find("open question"), std::string::npos) << asked.err;
-  EXPECT_NE(read_text(folder_.file("axis/campaign.yaml")).find("# ANSWER:"), std::string::npos);
+  const std::string marked = read_text(folder_.file("axis/campaign.yaml"));
+  EXPECT_NE(marked.find("which column drives the machine? --column '2=torque'"), std::string::npos)
+      << marked;
+  EXPECT_NE(marked.find("which column is the motion? --column '2=position:rad'"), std::string::npos)
+      << marked;
   // No command swallows an open question.
   const Outcome refused = graybox("diagnose axis/model.yaml axis/campaign.yaml");
   EXPECT_EQ(refused.exit_code, 2);
