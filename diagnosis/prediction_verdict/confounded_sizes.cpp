@@ -64,7 +64,8 @@ std::vector<std::string> of_one_speed(const PredictionOutcome& from) {
   std::vector<std::string> sentences;
   const LumpedModel& model = from.final->found().fit.model.model;
   const Eigen::MatrixXd motion = from.final->motion();
-  for (std::size_t i = 0; i < from.stated->parts.size(); ++i) {
+  const std::size_t own = std::min(from.stated->parts.size(), model.parts.size());
+  for (std::size_t i = 0; i < own; ++i) {
     const Element& part = model.parts[i];
     const bool is_free = !model.parameters[from.final->found().fit.model.first_parameter(i)].fixed;
     if (part.law_name != "viscous" || part.location.kind != LocationKind::kElement || !is_free) {
