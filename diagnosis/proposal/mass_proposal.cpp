@@ -1,5 +1,7 @@
 #include "diagnosis/proposal/mass_proposal.hpp"
 
+#include <algorithm>
+
 #include "diagnosis/log_columns/even_samples.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
 #include "diagnosis/proposal/mass_campaign.hpp"
@@ -10,9 +12,28 @@
 #include "diagnosis/proposal/mass_times.hpp"
 
 namespace graybox {
+namespace {
+
+bool moves(const LogRecording& recording) {
+  return std::ranges::any_of(recording.columns, [](const LogColumn& column) {
+    const LogQuantity quantity = column.words.quantity;
+    return (quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity) &&
+           column.values.maxCoeff() > column.values.minCoeff();
+  });
+}
+
+// A log that stands still tells no units and no start: the first that moves comes before it.
+std::vector<LogRecording> with_motion_first(std::vector<LogRecording> recordings) {
+  const auto first = std::ranges::find_if(recordings, moves);
+  if (first != recordings.end()) std::rotate(recordings.begin(), first, first + 1);
+  return recordings;
+}
+
+}  // namespace
 
 ModelProposal propose_masses(const ProposalRequest& request,
-                             const std::vector<LogRecording>& recordings) {
+                             const std::vector<LogRecording>& logs) {
+  const std::vector<LogRecording> recordings = with_motion_first(logs);
   MassMachine machine(request, recordings);
   CampaignDraft draft;
   ModelProposal proposal;

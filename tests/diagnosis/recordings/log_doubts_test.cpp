@@ -569,6 +569,23 @@ TEST_F(LogDoubts, ADriveThatIsReadMoreRarelyIsTold) {
       << notes();
 }
 
+TEST_F(LogDoubts, ALogThatStandsStillMayBeNamedFirst) {
+  Axis m = axis(300, 0.02);
+  const auto written_as = [&](const std::string& name) {
+    return write(name,
+                 {{"time [s]", m.time}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
+  };
+  const std::string moves = written_as("moves.csv");
+  std::ranges::fill(m.position, 0.25);
+  std::ranges::fill(m.force, 0.01);
+  const std::string stands = written_as("stands.csv");
+  for (const auto& files : {std::vector{stands, moves}, std::vector{moves, stands}}) {
+    const ModelProposal proposal = written(files);
+    EXPECT_EQ(value_of(proposal, "kept out").substr(0, 10), "stands.csv");
+    EXPECT_TRUE(proposal.questions.empty());
+  }
+}
+
 TEST_F(LogDoubts, AShortLogIsNotCutUntilNothingCanUseIt) {
   const Axis m = axis(52, 0.04);
   const std::string file = write(
