@@ -216,6 +216,10 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
 // Columns of words, as the states of a drive, or of numbers to another base: left out. A word among
 // numbers is a damaged sample.
 void leave_out_words(std::vector<ColumnContent>& contents, RecordingFile& file) {
+  // A file of words alone is none of samples.
+  const bool has_samples = std::ranges::any_of(contents, [](const ColumnContent& content) {
+    return content.words <= content.numbers && (content.has_numbers || content.stamps.has_any());
+  });
   for (std::size_t k = 0; k < file.columns.size();) {
     const ColumnContent& content = contents[k];
     const std::string column = fmt::format("'{}'", file.columns[k].name);
@@ -224,7 +228,7 @@ void leave_out_words(std::vector<ColumnContent>& contents, RecordingFile& file) 
       continue;
     }
     const bool has_comma = content.word.find(',') != std::string::npos;  // a decimal one
-    if (content.words <= content.numbers || has_comma) {
+    if (content.words <= content.numbers || has_comma || !has_samples) {
       (void)number_in_table(file.path, content.line, column, content.word);  // throws
     }
     file.remarks.push_back(

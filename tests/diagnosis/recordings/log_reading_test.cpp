@@ -427,6 +427,8 @@ TEST_F(LogReading, ColumnsOfWordsAreLeftOutAndWordsAmongNumbersRefused) {
   testing::write_text(folder_.file("s.csv"), "t,q\n0,1\n1,ERROR\n2,ERROR\n3,4\n");
   testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); },
                           "line 3, column 'q': 'ERROR' is no number");
+  testing::write_text(folder_.file("s.csv"), "t,q\nON,A\nOFF,B\n");
+  testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); }, "s.csv: ");
 }
 
 TEST_F(LogReading, ADayAboveTheHeaderIsATitleAndRecordsMayHoldStamps) {
