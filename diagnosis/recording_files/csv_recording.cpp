@@ -393,7 +393,7 @@ bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& split
   const std::vector<std::string_view> names = channel_names(fields);
   file.columns =
       header_columns(file.path, names.empty() ? fields : names, words_of_metadata(lines));
-  for (std::size_t k = 0; k < above.size(); ++k) {
+  for (std::size_t k = 0; k < std::min(above.size(), file.columns.size()); ++k) {
     if (file.columns[k].unit.empty()) file.columns[k].unit = above[k];
   }
   if (!lines.next(line)) return false;
