@@ -43,7 +43,7 @@ class ParameterTrends {
   Eigen::MatrixXd basis_;  // of the Jacobian's columns
 };
 
-// Of each law the parameter that changes most, by z: with time, and at a place of the machine with
+// The parameter of each law that changes most, by z: with time, and at a place of the machine with
 // position and speed. `motion`: samples x (positions, velocities). Positions count where one is
 // measured.
 [[nodiscard]] std::vector<LawTrend> law_trends(const PredictionTask& task, Eigen::Index outputs,

@@ -150,7 +150,7 @@ class MassCampaign {
       draft_.wrapped.push_back({machine_.force_name(), machine_.drive_wrap});
   }
 
-  // Of the question with this word; without one, of the last.
+  // The option that answers the question with this word; without one, the last question.
   [[nodiscard]] std::string option_about(std::string_view word) const {
     const std::vector<OpenQuestion>& questions = proposal_.questions;
     if (questions.empty()) return "";

@@ -33,7 +33,9 @@ std::vector<LogRecording> with_motion_first(std::vector<LogRecording> recordings
 
 ModelProposal propose_masses(const ProposalRequest& request,
                              const std::vector<LogRecording>& logs) {
-  const std::vector<LogRecording> recordings = with_motion_first(logs);
+  std::vector<LogRecording> reordered;  // a copy only where it is needed: logs may be large
+  if (!moves(logs.front())) reordered = with_motion_first(logs);
+  const std::vector<LogRecording>& recordings = reordered.empty() ? logs : reordered;
   MassMachine machine(request, recordings);
   CampaignDraft draft;
   ModelProposal proposal;

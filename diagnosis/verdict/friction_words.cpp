@@ -90,7 +90,7 @@ std::string two_digits(double value) {
   return fmt::format("{:.0f}", unit * std::round(value / unit));
 }
 
-// Of motion that goes one way; 0: it turns, or stands.
+// The slowest speed of motion that goes one way; 0: it turns, or stands.
 double slowest(const CheckedRange::Span& velocity) {
   if (velocity.from * velocity.to <= 0.0) return 0.0;
   return std::min(std::abs(velocity.from), std::abs(velocity.to));

@@ -145,12 +145,14 @@ class CheapestSearch {
       WholeDesignSearch search = with(budget);
       search.relax(PrecisionQuestion::kValue);
       WholeDesign found;
-      if (search.excludes(kShareOfTime * options_.time_limit, found)) {
+      const bool is_excluded = search.excludes(kShareOfTime * options_.time_limit, found);
+      const bool is_cheaper = take(found);
+      if (is_excluded) {
         plan_.least_cost = budget;
-      } else if (!take(found)) {
+      } else if (!is_cheaper) {
         open = budget;
       }
-      if (take(found)) open = 0.0;
+      if (is_cheaper) open = 0.0;
     }
   }
 
