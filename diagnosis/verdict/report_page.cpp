@@ -315,7 +315,10 @@ std::vector<std::string> verdict_in_short(const Diagnosis& diagnosis,
     first += ": " + laws_words(diagnosis, hypotheses) + ".";
   } else if (!diagnosis.effects.empty()) {
     const std::size_t end = first.find_first_of(".;");
-    first = first.substr(0, end) + "; found " + laws_words(diagnosis, hypotheses) + ".";
+    const bool is_any_found = std::ranges::any_of(
+        diagnosis.effects, [&](const auto& effect) { return !is_doubtful(effect, diagnosis); });
+    first = first.substr(0, end) + (is_any_found ? "; found " : "; not confirmed: ") +
+            laws_words(diagnosis, hypotheses) + ".";
   }
   std::vector<std::string> sentences{std::move(first)};
   if (!diagnosis.trouble.empty() || !diagnosis.before.usable) return sentences;

@@ -191,7 +191,9 @@ PageTable laws_table(const Diagnosis& diagnosis, Hypotheses hypotheses) {
     bool is_first = true;
     for (const LawParameterEstimate& estimate : effect.law.parameters) {
       const PageCell law =
-          is_first ? PageCell{hypothesis_words(hypothesis), effect_sentence(hypothesis, effect)}
+          is_first ? PageCell{hypothesis_words(hypothesis),
+                              (is_doubtful(effect, diagnosis) ? "not confirmed: " : "") +
+                                  effect_sentence(hypothesis, effect)}
                    : PageCell{""};
       const PageCell gain =
           is_first ? PageCell{gain_words(effect), gain_note(effect)} : PageCell{""};

@@ -209,10 +209,8 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
-  const bool is_doubtful =
-      is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) || has_no_size(effect.law);
   const std::string found =
-      fmt::format("{}: {} ({}): {}.", is_doubtful ? "Not confirmed" : "Found",
+      fmt::format("{}: {} ({}): {}.", is_doubtful(effect, diagnosis) ? "Not confirmed" : "Found",
                   effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
                   parameters_words(effect.law)) +
       held_out_words(effect, diagnosis);
@@ -535,6 +533,10 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 }
 
 }  // namespace
+
+bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
+  return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) || has_no_size(effect.law);
+}
 
 namespace {
 

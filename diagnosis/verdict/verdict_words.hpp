@@ -24,6 +24,10 @@ namespace graybox {
 // By the limits that a fit's rest must keep where the noise is not known (SearchOptions).
 [[nodiscard]] bool is_more_than_noise(const ChannelRest& rest);
 
+// Whether a law of the last fit is called "Not confirmed", not "Found": recordings kept out speak
+// against it, nothing is predicted with it, or no size of it is told from zero.
+[[nodiscard]] bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis);
+
 // The verdict in one sentence.
 [[nodiscard]] std::string headline(const Diagnosis& diagnosis);
 

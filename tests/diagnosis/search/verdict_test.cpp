@@ -205,6 +205,9 @@ TEST(VerdictWords, FindNothingThatPredictsNothing) {
         fmt::format("{}", fmt::join(verdict_words(diagnosis, kHypotheses), "\n"));
     EXPECT_EQ(lines.find("Not confirmed: ") != std::string::npos, !is_known) << lines;
     EXPECT_EQ(lines.find("Found: ") != std::string::npos, is_known) << lines;
+    diagnosis.verdict = Verdict::kUnknown;
+    const std::string page = verdict_in_short(diagnosis, kHypotheses).front();
+    EXPECT_EQ(page.find("; not confirmed: ") != std::string::npos, !is_known) << page;
   }
 }
 
