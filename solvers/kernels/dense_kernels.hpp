@@ -29,11 +29,14 @@ struct DenseKernels {
   void (*gram)(const double* rows, std::size_t n, std::size_t stride, double* out);
 
   // In-place Cholesky factor of the lower triangle of a column-major n x n matrix. False where a
-  // pivot is not above `smallest_pivot`.
+  // pivot is not above `smallest_pivot`. What stands above the diagonal is left alone.
   bool (*cholesky)(double* matrix, std::size_t n, double smallest_pivot);
 
   // Solves L L^T x = b in place.
   void (*cholesky_solve)(const double* factor, std::size_t n, double* b);
+
+  // out -= A x for a symmetric A, of which the lower triangle is read, column-major n x n.
+  void (*subtract_product)(const double* matrix, std::size_t n, const double* x, double* out);
 };
 
 [[nodiscard]] const DenseKernels& dense_kernels();

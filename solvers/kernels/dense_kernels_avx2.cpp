@@ -12,6 +12,7 @@ constexpr int kLanes = 4;
 }  // namespace
 
 extern const DenseKernels kTable;
-const DenseKernels kTable = {"avx2", &price_indexed, &whiten, &gram, &cholesky, &cholesky_solve};
+const DenseKernels kTable = {"avx2",    &price_indexed,  &whiten,          &gram,
+                             &cholesky, &cholesky_solve, &subtract_product};
 
 }  // namespace graybox::dense_kernels_avx2

@@ -12,6 +12,7 @@ constexpr int kLanes = 8;
 }  // namespace
 
 extern const DenseKernels kTable;
-const DenseKernels kTable = {"avx512", &price_indexed, &whiten, &gram, &cholesky, &cholesky_solve};
+const DenseKernels kTable = {"avx512",  &price_indexed,  &whiten,          &gram,
+                             &cholesky, &cholesky_solve, &subtract_product};
 
 }  // namespace graybox::dense_kernels_avx512

@@ -12,6 +12,7 @@ constexpr int kLanes = 2;
 }  // namespace
 
 extern const DenseKernels kTable;
-const DenseKernels kTable = {"generic", &price_indexed, &whiten, &gram, &cholesky, &cholesky_solve};
+const DenseKernels kTable = {"generic", &price_indexed,  &whiten,          &gram,
+                             &cholesky, &cholesky_solve, &subtract_product};
 
 }  // namespace graybox::dense_kernels_generic

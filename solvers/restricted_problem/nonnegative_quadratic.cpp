@@ -13,9 +13,10 @@ void NonnegativeQuadratic::reserve(std::size_t variables) {
   if (is_free_.size() >= variables) return;
   free_.reserve(variables);
   is_free_.resize(variables);
-  block_.resize(variables * variables);
+  block_ = AlignedArray(variables * variables);
   value_.resize(variables);
   gradient_.resize(variables);
+  spread_.resize(variables);
   wrong_.reserve(variables);
 }
 
@@ -43,18 +44,12 @@ std::size_t NonnegativeQuadratic::find_wrong_signs(std::span<const double> matri
                                                    double tolerance) {
   const std::size_t n = linear.size();
   std::ranges::copy(linear, gradient_.begin());
-  for (std::size_t b = 0; b < free_.size(); ++b) {
-    const std::size_t j = free_[b];
-    const double value = value_[b];
-    for (std::size_t i = 0; i < j; ++i) gradient_[i] -= value * matrix[i * n + j];
-    for (std::size_t i = j; i < n; ++i) gradient_[i] -= value * matrix[j * n + i];
-  }
+  std::fill_n(spread_.begin(), n, 0.0);
+  for (std::size_t b = 0; b < free_.size(); ++b) spread_[free_[b]] = value_[b];
+  dense_kernels().subtract_product(matrix.data(), n, spread_.data(), gradient_.data());
   wrong_.clear();
-  for (std::size_t b = 0; b < free_.size(); ++b) {
-    if (value_[b] < 0.0) wrong_.push_back(free_[b]);
-  }
   for (std::size_t i = 0; i < n; ++i) {
-    if (!is_free_[i] && gradient_[i] > tolerance) wrong_.push_back(i);
+    if (is_free_[i] ? spread_[i] < 0.0 : gradient_[i] > tolerance) wrong_.push_back(i);
   }
   return wrong_.size();
 }
@@ -80,8 +75,7 @@ bool NonnegativeQuadratic::solve(std::span<const double> matrix, std::span<const
     if (stop_requested() || !solve_free_block(matrix, linear)) return false;
     const std::size_t wrong = find_wrong_signs(matrix, linear, tolerance);
     if (wrong == 0) {
-      std::ranges::fill(mu, 0.0);
-      for (std::size_t b = 0; b < free_.size(); ++b) mu[free_[b]] = value_[b];
+      for (std::size_t i = 0; i < n; ++i) mu[i] = is_free_[i] ? spread_[i] : 0.0;
       return true;
     }
     if (wrong < fewest) {

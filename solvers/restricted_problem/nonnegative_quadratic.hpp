@@ -13,6 +13,8 @@
 #include <span>
 #include <vector>
 
+#include "problems/base/aligned_array.hpp"
+
 namespace graybox {
 
 class NonnegativeQuadratic {
@@ -32,9 +34,10 @@ class NonnegativeQuadratic {
 
   std::vector<std::size_t> free_;   // indices of the free variables, ascending
   std::vector<char> is_free_;       // per variable
-  std::vector<double> block_;       // free block of the matrix, then its factor
+  AlignedArray block_;              // free block of the matrix, then its factor
   std::vector<double> value_;       // solution on the free block
-  std::vector<double> gradient_;    // r - A mu on the others
+  std::vector<double> spread_;      // the same among all variables
+  std::vector<double> gradient_;    // r - A mu
   std::vector<std::size_t> wrong_;  // indices to exchange
 };
 

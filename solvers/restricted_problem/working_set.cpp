@@ -38,6 +38,12 @@ WorkingSet::WorkingSet(std::size_t dimension)
       trial_matrix_(packed_size_),
       inverse_(dimension),
       trial_(dimension) {
+  constexpr double kGoldenRatio = 0.6180339887498949;
+  copies_.directions.resize(packed_size_);
+  for (std::size_t k = 0; k < packed_size_; ++k) {
+    const double turns = kGoldenRatio * static_cast<double>(k);
+    copies_.directions[k] = 0.5 + (turns - std::floor(turns));
+  }
   reserve(8 * dimension_);
 }
 
@@ -46,30 +52,50 @@ void WorkingSet::reserve(std::size_t members) {
   indices_.reserve(members);
   weights_.reserve(members);
   rows_.reserve(members * packed_size_);
+  copies_.marks.reserve(members);
   whitened_ = AlignedArray(members * stride_);
   whitened_rows_ = members;
   sensitivity_.resize(members);
   active_.reserve(members);
   active_sensitivity_.resize(members);
-  hessian_.resize(members * members);
   linear_.resize(members);
   target_.resize(members);
-  quadratic_.reserve(members);
+}
+
+// The arrays that grow with the square are as large as the active members ask for.
+void WorkingSet::reserve_active() {
+  constexpr std::size_t kStep = 32;
+  const std::size_t wanted = (active_.size() + kStep - 1) / kStep * kStep;
+  if (hessian_.size() < wanted * wanted) hessian_ = AlignedArray(wanted * wanted);
+  quadratic_.reserve(wanted);
 }
 
 void WorkingSet::clear() {
   indices_.clear();
   weights_.clear();
   rows_.clear();
-  replaced_.clear();
+  copies_.marks.clear();
+  copies_.replaced.clear();
+}
+
+// A number that tells matrices apart: their sum with fixed factors between 0.5 and 1.5. Equal
+// matrices have equal marks, near copies marks that differ by less than `slack`.
+WorkingSet::Mark WorkingSet::mark_of(const double* information) const {
+  Mark mark;
+  kernels().price(information, 1, packed_size_, copies_.directions.data(), &mark.value);
+  double magnitude = 0.0;
+  for (std::size_t k = 0; k < packed_size_; ++k) magnitude += std::abs(information[k]);
+  mark.slack = 2.0 * kNear * magnitude;
+  return mark;
 }
 
 // The member that a violator nearly equals. None where the violator has been a member before: then
 // both are wanted.
-std::optional<std::size_t> WorkingSet::near_copy(std::size_t candidate,
-                                                 const double* information) const {
-  if (std::ranges::find(replaced_, candidate) != replaced_.end()) return std::nullopt;
+std::optional<std::size_t> WorkingSet::near_copy(std::size_t candidate, const double* information,
+                                                 Mark mark) const {
+  if (std::ranges::find(copies_.replaced, candidate) != copies_.replaced.end()) return std::nullopt;
   for (std::size_t k = 0; k < size(); ++k) {
+    if (!(std::abs(copies_.marks[k] - mark.value) <= mark.slack)) continue;
     if (nearly_equal(rows_.data() + k * packed_size_, information, packed_size_)) {
       if (sensitivity_error() > kErrorForCopies) return std::nullopt;
       return k;
@@ -79,22 +105,26 @@ std::optional<std::size_t> WorkingSet::near_copy(std::size_t candidate,
 }
 
 // Whether the violator is worth more than the member; if so it takes its place and weight.
-bool WorkingSet::take_place(std::size_t member, std::size_t candidate, const double* information) {
+bool WorkingSet::take_place(std::size_t member, std::size_t candidate, const double* information,
+                            Mark mark) {
   double* row = rows_.data() + member * packed_size_;
   double now = 0.0, then = 0.0;
   const double* dual = inverse_.trace_dual().data();
   kernels().price(row, 1, packed_size_, dual, &now);
   kernels().price(information, 1, packed_size_, dual, &then);
   if (!(then > now)) return false;
-  replaced_.push_back(indices_[member]);
+  copies_.replaced.push_back(indices_[member]);
   indices_[member] = candidate;
+  copies_.marks[member] = mark.value;
   std::copy_n(information, packed_size_, row);
   return true;
 }
 
 bool WorkingSet::add(std::size_t candidate, const double* information, double weight) {
   const std::size_t bytes = packed_size_ * sizeof(double);
+  const Mark mark = mark_of(information);
   for (std::size_t k = 0; k < size(); ++k) {
+    if (copies_.marks[k] != mark.value) continue;
     const double* row = rows_.data() + k * packed_size_;
     if (indices_[k] == candidate || std::memcmp(row, information, bytes) == 0) {
       weights_[k] += weight;
@@ -102,13 +132,14 @@ bool WorkingSet::add(std::size_t candidate, const double* information, double we
     }
   }
   if (weight == 0.0) {
-    if (const auto copy = near_copy(candidate, information)) {
-      return take_place(*copy, candidate, information);
+    if (const auto copy = near_copy(candidate, information, mark)) {
+      return take_place(*copy, candidate, information, mark);
     }
   }
   if (size() == whitened_rows_) reserve(2 * size());
   indices_.push_back(candidate);
   weights_.push_back(weight);
+  copies_.marks.push_back(mark.value);
   rows_.insert(rows_.end(), information, information + packed_size_);
   return true;
 }
@@ -121,6 +152,7 @@ void WorkingSet::drop_below(double sensitivity) {
       indices_[kept] = indices_[k];
       weights_[kept] = weights_[k];
       sensitivity_[kept] = sensitivity_[k];
+      copies_.marks[kept] = copies_.marks[k];
       std::copy_n(rows_.begin() + static_cast<std::ptrdiff_t>(k * packed_size_), packed_size_,
                   rows_.begin() + static_cast<std::ptrdiff_t>(kept * packed_size_));
     }
@@ -128,6 +160,7 @@ void WorkingSet::drop_below(double sensitivity) {
   }
   indices_.resize(kept);
   weights_.resize(kept);
+  copies_.marks.resize(kept);
   rows_.resize(kept * packed_size_);
 }
 
@@ -157,6 +190,7 @@ void WorkingSet::choose_active() {
 
 // The minimiser mu of the quadratic model over the active members, in target_.
 bool WorkingSet::newton_target() {
+  reserve_active();
   const std::size_t n = active_.size();
   const auto d = static_cast<double>(dimension_);
   dense_kernels().whiten(rows_.data(), active_.data(), n, dimension_,

@@ -32,6 +32,10 @@
 // and then both stay. In ill-conditioned coordinates digits of entries say little of delta, and
 // nothing is replaced.
 //
+// Copies and near copies are looked for among the members whose mark, a fixed linear function of
+// the matrix, is near enough. So a violator costs O(n + p), not O(n p), also where most entries are
+// equal, as on the grids of a factorial design.
+//
 // Members without weight and with w_i <= d can't enter in the next step, so S is formed only for
 // the n others. Cost of one Newton step: n d^3 (whitening) + n^2 p / 2 (S) + pivots * n^3 / 3.
 #pragma once
@@ -92,11 +96,22 @@ class WorkingSet {
   [[nodiscard]] std::int64_t newton_steps() const { return newton_steps_; }
 
  private:
+  struct Mark {
+    double value = 0.0, slack = 0.0;
+  };
+  // What tells copies and near copies.
+  struct Copies {
+    std::vector<double> directions;     // of mark_of()
+    std::vector<double> marks;          // mark_of() the members
+    std::vector<std::size_t> replaced;  // candidates whose place a near copy has taken
+  };
   void reserve(std::size_t members);
+  void reserve_active();
+  [[nodiscard]] Mark mark_of(const double* information) const;
   [[nodiscard]] std::optional<std::size_t> near_copy(std::size_t candidate,
-                                                     const double* information) const;
+                                                     const double* information, Mark mark) const;
   [[nodiscard]] bool take_place(std::size_t member, std::size_t candidate,
-                                const double* information);
+                                const double* information, Mark mark);
   void information(std::span<const double> weights, std::span<double> packed) const;
   void normalise();
   void choose_active();
@@ -109,14 +124,14 @@ class WorkingSet {
   std::size_t stride_;  // row length of whitened_, a multiple of 8
   std::vector<std::size_t> indices_;
   std::vector<double> weights_;
-  std::vector<double> rows_;           // copies of the members' packed matrices
-  std::vector<std::size_t> replaced_;  // candidates whose place a near copy has taken
-  AlignedArray whitened_;              // B_i, scaled so that rows multiply to tr(B_i B_j)
+  std::vector<double> rows_;  // copies of the members' packed matrices
+  Copies copies_;
+  AlignedArray whitened_;  // B_i, scaled so that rows multiply to tr(B_i B_j)
   std::size_t whitened_rows_ = 0;
   std::vector<double> sensitivity_;  // w_i of all members
   std::vector<std::size_t> active_;  // members with weight, or that want to enter
   std::vector<double> active_sensitivity_;
-  std::vector<double> hessian_;  // S, lower triangle, column-major
+  AlignedArray hessian_;  // S, lower triangle, column-major
   std::vector<double> linear_;
   std::vector<double> target_;  // mu
   std::vector<double> trial_weights_;

@@ -9,6 +9,7 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
+#include "problems/families/families.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/certificates/certificate.hpp"
 #include "solvers/column_generation/sensitivity_sample.hpp"
@@ -126,10 +127,39 @@ TEST(DenseKernels, CholeskySolvesAndRefusesIndefiniteMatrices) {
     }
     std::vector<double> factor = a;
     ASSERT_TRUE(dense_kernels().cholesky(factor.data(), n, 0.0));
+    for (std::size_t j = 0; j < n; ++j) {
+      for (std::size_t i = 0; i < j; ++i) EXPECT_EQ(factor[j * n + i], a[j * n + i]);
+      for (std::size_t i = j; i < n; ++i) {
+        double product = 0.0;
+        for (std::size_t k = 0; k <= j; ++k) product += factor[k * n + i] * factor[k * n + j];
+        EXPECT_NEAR(product, a[j * n + i], 1e-12 * static_cast<double>(n * n));
+      }
+    }
     dense_kernels().cholesky_solve(factor.data(), n, b.data());
     for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(b[i], x[i], 1e-8);
-    a[(n - 1) * n + n - 1] = -1.0;
-    EXPECT_FALSE(dense_kernels().cholesky(a.data(), n, 0.0));
+    for (std::size_t k = 0; k < n; ++k) {  // whichever pivot it is
+      std::vector<double> indefinite = a;
+      indefinite[k * n + k] = -1.0;
+      EXPECT_FALSE(dense_kernels().cholesky(indefinite.data(), n, 0.0));
+    }
+  }
+}
+
+TEST(DenseKernels, SubtractProductReadsTheLowerTriangleOfASymmetricMatrix) {
+  Random random(4);
+  for (std::size_t n = 1; n <= 40; ++n) {
+    std::vector<double> a(n * n), x(n), out(n);
+    for (double& value : a) value = random.normal();
+    for (double& value : x) value = random.normal();
+    for (double& value : out) value = random.normal();
+    std::vector<double> expected = out;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        expected[i] -= a[std::min(i, j) * n + std::max(i, j)] * x[j];
+      }
+    }
+    dense_kernels().subtract_product(a.data(), n, x.data(), out.data());
+    for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(out[i], expected[i], 1e-12);
   }
 }
 
@@ -197,6 +227,26 @@ TEST(WorkingSet, MergesExactDuplicates) {
   for (std::size_t i = 0; i < 10; ++i)
     EXPECT_EQ(working.add(i, doubled.information(i).data(), 0.1), i < 5);
   EXPECT_EQ(working.size(), 5U);
+}
+
+// Candidates of entries -1, 0 and 1 have many entries in common. They are told apart all the same,
+// and a copy is found wherever it stands, after members have left, too.
+TEST(WorkingSet, TellsCandidatesOfAGridApart) {
+  const InformationSet set = make_family("cube3", 0, 0, 1);
+  const std::size_t members = 200;
+  WorkingSet working(set.dimension());
+  const double weight = 1.0 / static_cast<double>(members);
+  for (std::size_t i = 0; i < members; ++i) {
+    EXPECT_TRUE(
+        working.add(7 * i, set.information(11 * i % 2187).data(), i % 2 == 0 ? weight : 0.0));
+  }
+  ASSERT_TRUE(working.refresh());
+  EXPECT_EQ(working.optimise(1e30, 1), WorkingSetStatus::kConverged);
+  working.drop_below(1e30);
+  ASSERT_EQ(working.size(), members / 2);
+  for (std::size_t i = 0; i < members; ++i) {
+    EXPECT_EQ(working.add(100000 + i, set.information(11 * i % 2187).data(), 0.0), i % 2 == 1) << i;
+  }
 }
 
 TEST(WorkingSet, SaysWhenItsMatrixIsSingular) {
