@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "problems/base/error.hpp"
 #include "problems/base/quantile.hpp"
+#include "problems/base/random.hpp"
 
 namespace graybox::bench {
 namespace {
@@ -81,10 +83,7 @@ std::optional<double> crossover(std::span<const double> x, std::span<const doubl
 std::vector<std::vector<ProfileStep>> performance_profiles(
     const std::vector<std::vector<double>>& times) {
   const std::size_t instances = times.empty() ? 0 : times.front().size();
-  std::vector<double> best(instances, kInfinity);
-  for (const auto& row : times) {
-    for (std::size_t i = 0; i < instances; ++i) best[i] = std::min(best[i], row[i]);
-  }
+  const std::vector<double> best = virtual_best(times);
   std::vector<std::vector<ProfileStep>> profiles;
   for (const auto& row : times) {
     std::vector<double> ratios;
@@ -103,6 +102,67 @@ std::vector<std::vector<ProfileStep>> performance_profiles(
     }
   }
   return profiles;
+}
+
+double shifted_geometric_mean(std::span<const double> times, double shift, double charge) {
+  if (times.empty()) throw InputError("a mean of no times");
+  double sum = 0.0;
+  for (const double time : times) {
+    const double shifted = (std::isfinite(time) ? time : charge) + shift;
+    if (!(shifted > 0.0)) throw InputError("times and shift must be positive in sum");
+    sum += std::log(shifted);
+  }
+  return std::exp(sum / static_cast<double>(times.size())) - shift;
+}
+
+std::vector<double> virtual_best(const std::vector<std::vector<double>>& times) {
+  std::vector<double> best(times.empty() ? 0 : times.front().size(), kInfinity);
+  for (const auto& row : times) {
+    for (std::size_t i = 0; i < best.size(); ++i) best[i] = std::min(best[i], row[i]);
+  }
+  return best;
+}
+
+std::optional<PairedRatio> paired_ratio(std::span<const double> a, std::span<const double> b,
+                                        std::span<const std::size_t> groups) {
+  constexpr std::size_t kResamples = 2000;
+  struct Group {
+    double sum = 0.0, count = 0.0;  // of the logarithms of ratios
+  };
+  const auto mean_of = [](const Group& all) { return std::exp(all.sum / all.count); };
+  std::map<std::size_t, Group> found;
+  Group all;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!std::isfinite(a[i]) || !std::isfinite(b[i])) continue;
+    for (Group* group : {&all, &found[groups[i]]}) {
+      group->sum += std::log(a[i] / b[i]);
+      group->count += 1.0;
+    }
+  }
+  if (found.empty()) return std::nullopt;
+  PairedRatio result{.ratio = mean_of(all),
+                     .lower = 0.0,
+                     .upper = kInfinity,
+                     .instances = static_cast<std::size_t>(all.count),
+                     .groups = found.size()};
+  if (found.size() < 2) return result;
+  std::vector<Group> list;
+  for (const auto& [name, group] : found) list.push_back(group);
+  Random random(1);
+  std::vector<double> means(kResamples);
+  for (double& mean : means) {
+    Group drawn;
+    for (std::size_t k = 0; k < list.size(); ++k) {
+      const Group& group = list[random.below(list.size())];
+      drawn.sum += group.sum;
+      drawn.count += group.count;
+    }
+    mean = mean_of(drawn);
+  }
+  std::ranges::sort(means);
+  result.lower = means[kResamples / 40];
+  result.upper = means[kResamples - 1 - kResamples / 40];
+  return result;
 }
 
 }  // namespace graybox::bench

@@ -49,4 +49,27 @@ struct ProfileStep {
 [[nodiscard]] std::vector<std::vector<ProfileStep>> performance_profiles(
     const std::vector<std::vector<double>>& times);
 
+// exp(mean of log(t + shift)) - shift: a mean that a few very short times do not rule, as they rule
+// the geometric mean. A time that is infinite counts as `charge`. Throws InputError where there are
+// no times, or one with its shift is not positive.
+[[nodiscard]] double shifted_geometric_mean(std::span<const double> times, double shift,
+                                            double charge);
+
+// The best time of each instance, whichever solver has it: the virtual best solver.
+[[nodiscard]] std::vector<double> virtual_best(const std::vector<std::vector<double>>& times);
+
+// The geometric mean of the ratios a_i / b_i over the instances i that both have solved. The
+// interval holds 95 % of the means of samples that are drawn again with repetition (Efron's
+// percentile bootstrap). What is drawn are whole groups: subsets of one set are no independent
+// instances, and stay together, as the two times of an instance do.
+struct PairedRatio {
+  double ratio = 0.0, lower = 0.0, upper = 0.0;
+  std::size_t instances = 0, groups = 0;  // that both have solved
+};
+// groups[i] is the group of instance i. Empty where both have solved none. The interval is from 0
+// to infinity with one group.
+[[nodiscard]] std::optional<PairedRatio> paired_ratio(std::span<const double> a,
+                                                      std::span<const double> b,
+                                                      std::span<const std::size_t> groups);
+
 }  // namespace graybox::bench

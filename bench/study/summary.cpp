@@ -151,6 +151,25 @@ void write_profiles(const std::vector<PointSummary>& points, const fs::path& fol
   profile.write(folder / "performance_profile.csv");
 }
 
+void write_mean_times(const std::vector<PointSummary>& points, const fs::path& folder) {
+  Csv means({"gap", "solver", "solved", "instances", "shifted_geometric_mean_seconds",
+             "shift_seconds", "charge_seconds"});
+  for (const MeanTime& mean : mean_times(points)) {
+    means.add({number(mean.gap), mean.solver, std::to_string(mean.solved),
+               std::to_string(mean.instances), number(mean.seconds), number(kShift),
+               number(mean.charge)});
+  }
+  means.write(folder / "mean_times.csv");
+  Csv ratios(
+      {"gap", "solver", "against", "ratio", "lower_95", "upper_95", "instances", "families"});
+  for (const SolverRatio& each : solver_ratios(points)) {
+    ratios.add({number(each.gap), each.solver, each.against, number(each.ratio.ratio),
+                number(each.ratio.lower), number(each.ratio.upper),
+                std::to_string(each.ratio.instances), std::to_string(each.ratio.groups)});
+  }
+  ratios.write(folder / "paired_ratios.csv");
+}
+
 void write_agreement(const std::vector<Agreement>& agreements, const fs::path& folder) {
   Csv csv({"family", "candidates", "answers", "log_det_spread", "worst_excess", "worst_pair",
            "agrees"});
@@ -362,6 +381,7 @@ std::string write_tables(const StudyRows& rows, const fs::path& folder) {
   write_time_to_gap(points, tables);
   write_own_clocks(points, tables);
   write_profiles(points, tables);
+  write_mean_times(points, tables);
   write_agreement(agreements, tables);
   write_headlines(lines, tables);
   write_skips(rows.skips, tables);

@@ -7,6 +7,9 @@
 //   tables/own_clock.csv            the same by external programs' own clocks, where they keep one
 //   tables/performance_profile.csv  Dolan and More profiles over instances, at kProfileGap
 //   tables/profile_instances.csv    the times they are made of (for pairwise comparison)
+//   tables/mean_times.csv           shifted geometric means at gaps 1e-3, 1e-6, 1e-9, with what a
+//                                   failure is charged, and the virtual best
+//   tables/paired_ratios.csv        ratios of times over common instances, with bootstrap intervals
 //   tables/agreement.csv            do the certified answers agree within their bounds?
 //   tables/headlines.csv            sparse over dense dual, primal and dual crossover
 //   tables/skipped.csv              what was not run, and why

@@ -197,12 +197,13 @@ double excess(const RunRow& a, const RunRow& b) {
   return std::abs(a.log_det - b.log_det) - bound(a) - bound(b) - rounding;
 }
 
-double time_to_profile_gap(const PointSummary& point) {
-  if (const auto at = point.reached.find("1e-6"); at != point.reached.end()) {
+double time_to_gap(const PointSummary& point, double gap) {
+  const std::string level = fmt::format("1e-{}", std::lround(-std::log10(gap)));
+  if (const auto at = point.reached.find(level); at != point.reached.end()) {
     return at->second.seconds;
   }
-  const bool reached = point.checked_gap <= kProfileGap || point.status == ReportStatus::kSolved;
-  return reached && point.gap_asked <= kProfileGap ? point.seconds.median : kInfinity;
+  const bool reached = point.checked_gap <= gap || point.status == ReportStatus::kSolved;
+  return reached && point.gap_asked <= gap ? point.seconds.median : kInfinity;
 }
 
 }  // namespace
@@ -239,9 +240,10 @@ std::vector<SolverLaw> fit_laws(const std::vector<PointSummary>& points) {
   return laws;
 }
 
-ProfileData profile_data(const std::vector<PointSummary>& points) {
+ProfileData profile_data(const std::vector<PointSummary>& points, double gap) {
   std::map<std::string, std::map<std::string, double>> table;
   ProfileData data;
+  std::vector<std::string> families;
   const auto note = [](std::vector<std::string>& list, const std::string& name) {
     if (std::ranges::find(list, name) == list.end()) list.push_back(name);
   };
@@ -249,9 +251,14 @@ ProfileData profile_data(const std::vector<PointSummary>& points) {
     if (point.experiment == "normalisation") continue;
     const std::string instance = fmt::format("{}/{}", point.family, point.candidates);
     note(data.solvers, point.solver);
-    note(data.instances, instance);
+    note(families, point.family);
+    if (std::ranges::find(data.instances, instance) == data.instances.end()) {
+      data.instances.push_back(instance);
+      const auto family = std::ranges::find(families, point.family) - families.begin();
+      data.groups.push_back(static_cast<std::size_t>(family));
+    }
     const auto place = table[point.solver].try_emplace(instance, kInfinity).first;
-    place->second = std::min(place->second, time_to_profile_gap(point));
+    place->second = std::min(place->second, time_to_gap(point, gap));
   }
   for (const std::string& solver : data.solvers) {
     std::vector<double>& row = data.times.emplace_back();
@@ -261,6 +268,54 @@ ProfileData profile_data(const std::vector<PointSummary>& points) {
     }
   }
   return data;
+}
+
+std::vector<MeanTime> mean_times(const std::vector<PointSummary>& points) {
+  std::vector<MeanTime> means;
+  for (const double gap : kComparedGaps) {
+    const ProfileData data = profile_data(points, gap);
+    double longest = 0.0;
+    for (const auto& row : data.times) {
+      for (const double time : row)
+        longest = std::isfinite(time) ? std::max(longest, time) : longest;
+    }
+    if (longest == 0.0) continue;
+    const auto add = [&](const std::string& solver, const std::vector<double>& times) {
+      const auto finite = [](double time) { return std::isfinite(time); };
+      means.push_back({.solver = solver,
+                       .gap = gap,
+                       .solved = static_cast<std::size_t>(std::ranges::count_if(times, finite)),
+                       .instances = times.size(),
+                       .charge = 10.0 * longest,
+                       .seconds = shifted_geometric_mean(times, kShift, 10.0 * longest)});
+    };
+    add("virtual best", virtual_best(data.times));
+    for (std::size_t s = 0; s < data.solvers.size(); ++s) add(data.solvers[s], data.times[s]);
+  }
+  return means;
+}
+
+std::vector<SolverRatio> solver_ratios(const std::vector<PointSummary>& points) {
+  std::vector<SolverRatio> ratios;
+  for (const double gap : kComparedGaps) {
+    const ProfileData data = profile_data(points, gap);
+    const auto add = [&](std::size_t s, const std::string& against,
+                         const std::vector<double>& times) {
+      const auto ratio = paired_ratio(data.times[s], times, data.groups);
+      if (ratio) {
+        ratios.push_back(
+            {.gap = gap, .solver = data.solvers[s], .against = against, .ratio = *ratio});
+      }
+    };
+    const std::vector<double> best = virtual_best(data.times);
+    for (std::size_t s = 0; s < data.solvers.size(); ++s) {
+      add(s, "virtual best", best);
+      for (std::size_t t = s + 1; t < data.solvers.size(); ++t) {
+        add(s, data.solvers[t], data.times[t]);
+      }
+    }
+  }
+  return ratios;
 }
 
 std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs) {

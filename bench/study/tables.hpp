@@ -3,6 +3,7 @@
 // limit where a member says so.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <map>
 #include <optional>
@@ -16,6 +17,7 @@ namespace graybox::bench {
 
 inline constexpr std::size_t kFitFrom = 500;  // exponents describe large Q, not start-up costs
 inline constexpr double kProfileGap = 1e-6;
+inline constexpr std::array kComparedGaps{1e-3, 1e-6, 1e-9};  // at which times are compared
 
 struct PointSummary {
   std::string experiment;
@@ -78,13 +80,37 @@ struct Headline {
 // None without points of the scaling experiment.
 [[nodiscard]] std::vector<Headline> headlines(const std::vector<PointSummary>& points);
 
-// One time for each solver and instance: to a checked gap of kProfileGap, infinity if not reached.
+// One time for each solver and instance: to this checked gap, infinity if not reached.
 struct ProfileData {
   std::vector<std::string> solvers;
   std::vector<std::string> instances;
   std::vector<std::vector<double>> times;  // [solver][instance]
+  std::vector<std::size_t> groups;         // [instance]: its family, for subsets are nested
 };
 
-[[nodiscard]] ProfileData profile_data(const std::vector<PointSummary>& points);
+[[nodiscard]] ProfileData profile_data(const std::vector<PointSummary>& points,
+                                       double gap = kProfileGap);
+
+// A solver's times to one gap, all instances together. Instances that it has not solved, or was not
+// run on, are charged.
+struct MeanTime {
+  std::string solver;
+  double gap = 0.0;
+  std::size_t solved = 0, instances = 0;
+  double charge = 0.0;   // ten times the longest time that any solver needed
+  double seconds = 0.0;  // geometric mean, shifted by kShift
+};
+inline constexpr double kShift = 1e-3;  // seconds
+// For each of kComparedGaps that someone has reached; the virtual best solver comes first.
+[[nodiscard]] std::vector<MeanTime> mean_times(const std::vector<PointSummary>& points);
+
+// Times of one solver over those of another, or of the virtual best.
+struct SolverRatio {
+  double gap = 0.0;
+  std::string solver, against;
+  PairedRatio ratio;
+};
+// For each of kComparedGaps, of all pairs that have solved an instance in common.
+[[nodiscard]] std::vector<SolverRatio> solver_ratios(const std::vector<PointSummary>& points);
 
 }  // namespace graybox::bench
