@@ -1,5 +1,6 @@
 # CPack: a Debian package of the program (scripts/package). It holds what has the component `program`:
-# the command, the process that reads foreign files, the robot's data, and completion for shells.
+# the command, the process that reads foreign files, the robot's data, and completion for shells. Where
+# the Python module is built, it is in the package, too: python3 and NumPy are recommended, not needed.
 # Which libraries it needs dpkg-shlibdeps tells.
 set(package_licence "${CMAKE_BINARY_DIR}/package/copyright")
 file(READ ${CMAKE_SOURCE_DIR}/LICENSE licence)
@@ -28,9 +29,15 @@ leaves out. Each answer comes with a proof or an error bar.")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_COMPONENTS_ALL program)
+if(TARGET graybox_python)
+  list(APPEND CPACK_COMPONENTS_ALL python)
+  set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "python3 (>= 3.${Python_VERSION_MINOR}), python3-numpy")
+  set(CPACK_DEBIAN_PACKAGE_SUGGESTS "python3-matplotlib")
+endif()
+set(CPACK_COMPONENTS_GROUPING ALL_COMPONENTS_IN_ONE)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME graybox)
+set(CPACK_DEBIAN_PACKAGE_NAME graybox)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS OFF)

@@ -4,6 +4,7 @@
     python3 tests/figure_style_test.py SOURCE_FOLDER
 """
 import csv
+import math
 import pathlib
 import re
 import sys
@@ -14,6 +15,7 @@ sys.path.insert(0, str(ROOT / "scripts" / "plots"))
 try:
     import matplotlib.pyplot as plt
     import style
+    import style_colours
 except ModuleNotFoundError as missing:
     print(f"skipped: {missing}")
     sys.exit(77)
@@ -59,6 +61,45 @@ class Figures(unittest.TestCase):
         for claim in ("time as $Q^{0.24}$", "time as $Q^{0.24}$ (±0.56)"):
             with self.assertRaises(ValueError):
                 style.refuse_unbounded_exponents(figure_with(lambda axes, text=claim: axes.set_title(text)))
+
+    def test_have_colours_that_every_reader_can_tell_apart(self):
+        seen = [style_colours.as_seen(colour) for colour in style.COLOURS]
+        for sight in range(3):
+            for i, one in enumerate(seen):
+                for j, other in enumerate(seen[:i]):
+                    self.assertGreater(math.dist(one[sight], other[sight]), 20,
+                                       f"{style.COLOURS[i]} and {style.COLOURS[j]}, {style_colours.SIGHTS[sight]}")
+        for colour in style.COLOURS:
+            self.assertGreaterEqual(style_colours.contrast_on_white(colour), 3, colour)
+
+    def test_measure_colours_as_the_standards_do(self):
+        # Lab of sRGB red by the CIE's definition (53.24, 80.09, 67.20); contrast of #777777 on white, 4.48, by WCAG.
+        self.assertLess(math.dist(style_colours.as_seen("#FF0000")[0], (53.24, 80.09, 67.20)), 0.05)
+        self.assertAlmostEqual(style_colours.contrast_on_white("#777777"), 4.48, delta=0.01)
+        # Red and green of one lightness are nearly one colour to deuteranopes.
+        red, green = style_colours.as_seen("#A86A00"), style_colours.as_seen("#6F8200")
+        self.assertLess(math.dist(red[1], green[1]), 0.5 * math.dist(red[0], green[0]))
+
+    def test_hold_at_most_eight_kinds_of_curves(self):
+        def curves(axes, number):
+            for k in range(number):
+                axes.plot([0, 1, 2], [k, k, k], color=style.COLOURS[k % 8], ls="-" if k < 8 else "--")
+
+        style.refuse_crowds(figure_with(lambda axes: curves(axes, 8)))
+        with self.assertRaises(ValueError):
+            style.refuse_crowds(figure_with(lambda axes: curves(axes, 9)))
+
+    def test_write_units_in_one_way(self):
+        style.refuse_brackets(figure_with(lambda axes: axes.set_xlabel("frequency (Hz)")))
+        with self.assertRaises(ValueError):
+            style.refuse_brackets(figure_with(lambda axes: axes.set_ylabel("error [%]")))
+
+    # Pages show every figure of the reference, so that none is drawn for nobody.
+    def test_of_the_reference_stand_on_a_page(self):
+        pages = "".join(page.read_text(encoding="utf-8") for page in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+        for figure in sorted((ROOT / "results/reference/figures").glob("*.png")):
+            self.assertIn(f"figures/{figure.stem}.", pages, figure.name)
+            self.assertTrue(figure.with_suffix(".svg").exists(), figure.name)
 
     # Finding B3.
     def test_mark_what_was_reached_by_hand_as_the_docs_state_it(self):

@@ -311,6 +311,11 @@ class Fit(PageWithTraces):
             row = [row for row in rows if row.text.startswith(parameter["name"])][0]
             self.assertIn(f"{parameter['value']:.5g}", row.text)
             self.assertIn(f"{parameter['standard_error']:.2g}", row.text)
+            band = row.find_element(By.CSS_SELECTOR, ".band")
+            share = parameter["standard_error"] / abs(parameter["value"])
+            drawn = band.find_element(By.TAG_NAME, "span").size["width"] / band.size["width"]
+            self.assertAlmostEqual(drawn, max(min(share, 1), 2 / band.size["width"]), delta=0.02)
+            self.assertIn(f"{100 * share:.3g} %", band.get_attribute("aria-label"))
         self.assertFalse((self.file.parent / "page.html.model.yaml").exists())
 
     def test_predicts_better_after_than_before(self):

@@ -2,6 +2,7 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
@@ -150,6 +151,18 @@ json describe_environment() {
           {"libraries", GRAYBOX_LIBRARY_VERSIONS},
           {"kernels", kernels().name},
           {"load", load_average()}};
+}
+
+std::string environment_words(const json& environment, const std::string& key) {
+  const auto value = environment.find(key);
+  if (value == environment.end()) return "unknown";
+  if (value->is_array())
+    return fmt::format("{}", fmt::join(value->get<std::vector<std::string>>(), ", "));
+  if (!value->is_string()) return value->dump();
+  const std::string text = *value;
+  double kibibytes = 0.0;
+  if (!text.ends_with(" kB") || std::sscanf(text.c_str(), "%lf", &kibibytes) != 1) return text;
+  return fmt::format("{:.1f} GB", 1024e-9 * kibibytes);
 }
 
 }  // namespace graybox::bench

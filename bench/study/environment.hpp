@@ -10,6 +10,10 @@ namespace graybox::bench {
 // kernels, commit, load, date. Whatever can't be found out is an empty string.
 [[nodiscard]] nlohmann::json describe_environment();
 
+// What describe_environment() found of `key`, for a reader: "L1 32K, L2 512K", "25.3 GB".
+[[nodiscard]] std::string environment_words(const nlohmann::json& environment,
+                                            const std::string& key);
+
 // SHA-256 of the running program, shortened: two runs are comparable only if it is the same.
 [[nodiscard]] std::string program_hash();
 

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/study/environment.hpp"
 #include "bench/study/tables.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/files_together.hpp"
@@ -195,19 +196,13 @@ void write_headlines(const std::vector<Headline>& lines, const fs::path& folder)
   csv.write(folder / "headlines.csv");
 }
 
-std::string text_of(const nlohmann::json& object, const char* key) {
-  const auto value = object.find(key);
-  if (value == object.end()) return "unknown";
-  return value->is_string() ? value->get<std::string>() : value->dump();
-}
-
 std::string environment_text(const StudyRows& rows) {
   if (rows.environments.empty()) return "No environment was recorded.\n";
   const nlohmann::json& e = rows.environments.back();
   std::string text;
   for (const char* key : {"processor", "cores", "caches", "memory", "system", "kernel", "compiler",
                           "flags", "libraries", "kernels", "commit", "binary", "date", "load"}) {
-    text += fmt::format("| {} | {} |\n", key, text_of(e, key));
+    text += fmt::format("| {} | {} |\n", key, environment_words(e, key));
   }
   return fmt::format("| | |\n|---|---|\n{}| starts | {} |\n", text, rows.environments.size());
 }

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "bench/study/environment.hpp"
 #include "bench/study/progress.hpp"
 
 namespace graybox::bench {
@@ -77,12 +78,6 @@ PageCell exponent_cell(const std::vector<SolverLaw>& laws, const std::string& so
     cell.note = fmt::format("{:.2f} to {:.2f}", law->time.lower, law->time.upper);
   }
   return cell;
-}
-
-std::string value_of(const nlohmann::json& object, const char* key) {
-  const auto value = object.find(key);
-  if (value == object.end()) return "unknown";
-  return value->is_string() ? value->get<std::string>() : value->dump();
 }
 
 }  // namespace
@@ -194,7 +189,7 @@ PageTable environment_table(const StudyRows& rows) {
                              "memory",  "system", "kernel",    "compiler",  "flags",
                              "kernels", "load",   "commit",    "libraries", "binary"};
   for (const char* key : kKeys) {
-    if (last.contains(key)) table.rows.push_back({{key}, {value_of(last, key)}});
+    if (last.contains(key)) table.rows.push_back({{key}, {environment_words(last, key)}});
   }
   table.rows.push_back({{"starts"}, {std::to_string(rows.environments.size())}});
   return table;

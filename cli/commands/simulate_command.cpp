@@ -65,8 +65,11 @@ int report(const SimulateArguments& arguments, const SimulationOutcome& outcome)
                                       {"complete", outcome.complete}};
     fmt::print("{}\n", line.dump());
   } else if (outcome.complete) {
-    fmt::print("wrote {}/campaign.yaml and {} recordings ({} were there)\n", arguments.output,
-               outcome.recordings, outcome.already_there);
+    const std::string reused = outcome.already_there == 0
+                                   ? std::string()
+                                   : fmt::format(" ({} were there)", outcome.already_there);
+    fmt::print("wrote {}/campaign.yaml and {} recordings{}\n", arguments.output, outcome.recordings,
+               reused);
   } else {
     fmt::print("interrupted; the same command goes on where it was\n");
   }

@@ -38,7 +38,7 @@ PageTable parameters_table(const FitReport& report) {
     const double error = report.standard_error(p);
     table.rows.push_back(
         {{each.name},
-         {fmt::format("{:.5g}", each.value)},
+         with_band({fmt::format("{:.5g}", each.value)}, each.value, error),
          {std::isfinite(error) ? fmt::format("{:.2g}", error) : "–"},
          {each.unit},
          {std::isfinite(each.start) ? fmt::format("{:.4g}", each.start) : std::string("–")},
@@ -146,6 +146,10 @@ std::string fit_page(const FitReport& report, const FitPredictions& predictions,
                                                                        : PageMark::kPassed;
   page.sentences = sentences_of(report);
   PageSection parameters{.id = "parameters", .title = "Parameters"};
+  parameters.paragraphs.push_back(
+      "A bar below a value: the value and one standard error to either side, on a line from zero "
+      "to "
+      "twice the value.");
   parameters.tables = {parameters_table(report), quality_table(report)};
   parameters.paragraphs.push_back("Method: " + report.method + ".");
   page.sections.push_back(std::move(parameters));

@@ -76,6 +76,8 @@ data cell_of(const PageCell& cell, bool is_number) {
   view.set("note", cell.note);
   view.set("has_order", flag(std::isfinite(cell.order)));
   view.set("order", fmt::format("{:.9g}", cell.order));
+  view.set("banded", flag(std::isfinite(cell.error_share)));
+  view.set("share", fmt::format("{:.3g}", 100.0 * std::min(cell.error_share, 1.0)));
   return view;
 }
 
@@ -201,6 +203,12 @@ nlohmann::ordered_json data_json(const ReportPage& page) {
 }
 
 }  // namespace
+
+PageCell with_band(PageCell cell, double value, double error) {
+  cell.error_share =
+      value == 0.0 ? std::numeric_limits<double>::quiet_NaN() : error / std::abs(value);
+  return cell;
+}
 
 PageFigure comparison_figure(const ComparisonPlot& plot) {
   PageFigure figure{.svg = comparison_svg(plot), .caption = plot.caption};

@@ -31,6 +31,9 @@ struct PageCell {
   std::string note = {};  // small, below the text
   PageMark mark = PageMark::kNone;
   double order = std::numeric_limits<double>::quiet_NaN();  // sorts by it where it is finite
+  // A standard error over the value, drawn as a band about the middle of a line from zero to twice
+  // the value; none where it is not finite.
+  double error_share = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct PageTable {
@@ -108,6 +111,9 @@ struct ReportPage {
   std::vector<ComparisonPlot> plots = {};  // the data of comparison_figure() in the sections
   std::vector<PosePicture> poses = {};     // likewise of pose_figure()
 };
+
+// The cell with `error` of `value` drawn below its words.
+[[nodiscard]] PageCell with_band(PageCell cell, double value, double error);
 
 [[nodiscard]] PageFigure comparison_figure(const ComparisonPlot& plot);
 [[nodiscard]] PageFigure pose_figure(const PosePicture& picture);

@@ -234,6 +234,10 @@ PageSection traces_section(bool has_laws) {
 PageSection laws_section(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
   PageSection section{.id = "laws", .title = "What was found"};
   section.tables.push_back(laws_table(diagnosis, hypotheses));
+  section.paragraphs.push_back(
+      "A bar below a value: the value and one standard error to either side, on a line from zero "
+      "to "
+      "twice the value.");
   for (std::size_t effect = 0; effect < diagnosis.effects.size(); ++effect) {
     add_figures(law_figures(diagnosis, hypotheses, effect), section);
   }

@@ -37,6 +37,10 @@ std::string unbroken(std::string words) {
   return words;
 }
 
+PageCell estimate_cell(const LawParameterEstimate& estimate) {
+  return with_band({unbroken(estimate_words(estimate))}, estimate.value, estimate.standard_error);
+}
+
 PageMark mark_of(const VerdictReason& reason) {
   if (!reason.not_tested.empty()) return PageMark::kOpen;
   return reason.passed ? PageMark::kPassed : PageMark::kFailed;
@@ -199,7 +203,7 @@ PageTable laws_table(const Diagnosis& diagnosis, Hypotheses hypotheses) {
           is_first ? PageCell{gain_words(effect), gain_note(effect)} : PageCell{""};
       table.rows.push_back({law,
                             {spaced(estimate.name)},
-                            {unbroken(estimate_words(estimate))},
+                            estimate_cell(estimate),
                             plausibility_cell(diagnosis, estimate, hypothesis.place),
                             gain});
       is_first = false;
@@ -219,8 +223,8 @@ PageTable parameters_table(const Diagnosis& diagnosis) {
   if (has_laws) table.columns.push_back({"with them", true});
   table.columns.push_back({"plausible?"});
   for (std::size_t i = 0; i < std::min(before.size(), after.size()); ++i) {
-    Row row{{after[i].name}, {unbroken(estimate_words(before[i]))}};
-    if (has_laws) row.push_back({unbroken(estimate_words(after[i]))});
+    Row row{{after[i].name}, estimate_cell(before[i])};
+    if (has_laws) row.push_back(estimate_cell(after[i]));
     row.push_back(plausibility_cell(diagnosis, after[i], ""));
     table.rows.push_back(std::move(row));
   }

@@ -35,6 +35,24 @@ void refuse_open_questions(const std::string& file) {
   }
 }
 
+// Robots are often given as URDF, and logs as tables, where a file of fields is asked for.
+void refuse_urdf_and_table(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  char first = ' ';
+  stream >> first;
+  if (first == '<') {
+    throw InputError(fmt::format(
+        "{}: is XML, as a URDF; 'graybox model {} LOG.csv' proposes a model from a URDF and a log",
+        file.string(), file.filename().string()));
+  }
+  if (file.extension() == ".csv") {
+    throw InputError(fmt::format(
+        "{}: is a table of data; 'graybox model {}' proposes a model and a campaign for it, "
+        "'graybox recordings --template' a campaign alone",
+        file.string(), file.filename().string()));
+  }
+}
+
 }  // namespace
 
 YamlField::YamlField(std::string file, std::string path, YAML::Node node)
@@ -47,6 +65,7 @@ YamlField YamlField::load(const std::filesystem::path& file) {
                                  file.string(), size, kLargestFile));
   }
   note_input(file.string());
+  refuse_urdf_and_table(file);
   refuse_open_questions(file.string());
   try {
     YAML::Node node = YAML::LoadFile(file.string());

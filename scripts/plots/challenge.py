@@ -6,10 +6,12 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 
-from style import BLACK, BLUE, GREY, ORANGE, read_table, save
+from style import BLACK, BLUE, GREY, ORANGE, note, read_table, save
 
 # Columns that are no laws, last in the confusion matrix.
 OTHER = ["unknown", "none", "no_answer"]
+# Laws that the catalogue lacks: the right answer is no law.
+OUTSIDE = {"impact_stop", "magnetic_spring", "position_friction", "load_friction", "drifting_stiffness"}
 
 
 def words(name):
@@ -17,9 +19,9 @@ def words(name):
 
 
 def confusion(axes, rows):
-    true_laws = sorted({row["true_law"] for row in rows})
-    named = sorted({row["named"] for row in rows} - set(OTHER) - set(true_laws))
-    columns = [law for law in true_laws if any(row["named"] == law for row in rows)] + named
+    inside = sorted({row["true_law"] for row in rows} - OUTSIDE)
+    true_laws = inside + sorted({row["true_law"] for row in rows} & OUTSIDE)
+    columns = inside + sorted({row["named"] for row in rows} - set(OTHER) - set(inside))
     columns += [other for other in OTHER if any(row["named"] == other for row in rows)]
     right = np.zeros((len(true_laws), len(columns)))
     wrong = np.zeros_like(right)
@@ -47,11 +49,15 @@ def confusion(axes, rows):
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    named_rows = [i for i, law in enumerate(true_laws) if law in columns]
-    diagonal = sum(counts[i, columns.index(true_laws[i])] for i in named_rows)
-    axes.set_title(f"The true law is named first in {int(diagonal)} of {int(counts.sum())} cases with one effect of "
-                   "any size\n(in brackets: of these at a wrong place; shade: share of the row). On the right:\n"
-                   "classes of up to three names, of effects that can be seen", fontsize=9)
+    for position in (len(inside),):
+        axes.axhline(position - 0.5, color=GREY, lw=0.8)
+        axes.axvline(position - 0.5, color=GREY, lw=0.8)
+    if len(inside) < len(true_laws):
+        axes.text(len(inside) - 1, len(inside) + 0.1, "not in the catalogue: no law is right", ha="right", va="center",
+                  fontsize=7, color=GREY)
+    diagonal = sum(counts[i, i] for i in range(len(inside)))
+    cases = counts[:len(inside)].sum()
+    axes.set_title(f"The first law named is the true one in {int(diagonal)} of {int(cases)} cases", fontsize=9.5)
 
 
 def rates(axes, rows, target):
@@ -65,18 +71,25 @@ def rates(axes, rows, target):
         axes.errorbar(np.array(x) * shift, 100 * y, 100 * np.array([y - low, high - y]).clip(0),
                       fmt="o-", color=colour, ms=4.5, capsize=2.5, lw=1.2, label=label)
     for position, row in zip(x, rows):
-        axes.text(position, -6, f"n = {row['cases']}", ha="center", fontsize=7, color=GREY)
+        axes.text(position, 41.5, f"n = {row['cases']}", ha="center", fontsize=7, color=GREY)
     axes.axhline(target, color=GREY, lw=0.8, ls="--")
     axes.text(1.03, target + 0.8, f"target {target} %", ha="left", fontsize=7, color=GREY)
     axes.set_xscale("log")
     axes.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axes.minorticks_off()
     axes.set_xlim(1, 21)
-    axes.set_ylim(-10, 104)
+    axes.set_ylim(40, 103)
     axes.set_xlabel("size of the effect over the smallest detectable one")
-    axes.set_ylabel("cases with one detectable effect, % (no answer: neither)")
+    axes.set_ylabel("cases with one detectable effect (%)")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncol=2, fontsize=8, frameon=False)
-    axes.set_title("Detection and naming by size (bars: Wilson's 95 % intervals)", fontsize=9.5)
+    axes.set_title(title_of_rates(rows), fontsize=9.5)
+
+
+def title_of_rates(rows):
+    """How many of the effects that can be seen were detected, and named."""
+    cases = sum(int(row["cases"]) for row in rows)
+    detected, named = (round(sum(int(row["cases"]) * float(row[name]) for row in rows)) for name in ("detected", "named"))
+    return f"Of {cases} effects that can be seen, {detected} are detected and {named} named"
 
 
 def draw_set(folder, name, target):
@@ -89,6 +102,9 @@ def draw_set(folder, name, target):
                                          layout="constrained")
     confusion(left, pairs)
     rates(right, sizes, target)
+    note(figure, "Left: cases with one effect of any size, by the law named first; in brackets, of these at a wrong place; shade: share of "
+         "the row. Right: effects above the smallest detectable size;\nnamed: law and place in a class of at most three names; no answer "
+         "counts as neither; bars: Wilson's 95 % intervals.", y=-0.02)
     save(folder, figure, name)
 
 

@@ -1,8 +1,8 @@
-"""Designs off the grid: what the grid loses, how the search went, what the optimum depends on."""
+"""Designs off the grid: what the grid loses, and what the optimum depends on."""
 
 import matplotlib.pyplot as plt
 
-from style import BLUE, GREY, VERMILION, read_table, save
+from style import ASSUMED, BLUE, GREY, VERMILION, note, read_table, save
 
 COVARIANCE = r"covariance $(\det M)^{-1/d}$"
 
@@ -37,25 +37,12 @@ def refinement_panel(axes, rows, bounds):
     axes.legend(fontsize=8, loc="lower left")
 
 
-def search_panel(axes, rows, bounds):
-    """Gaps found round by round; after quiet rounds, other starts still find more."""
-    rounds = [int(row["round"]) for row in rows]
-    axes.semilogy(rounds, [float(row["found_gap"]) for row in rows], "o-", color=GREY, ms=3, lw=0.8,
-                  label=r"largest sensitivity found$/d-1$")
-    axes.axhline(largest_gap(bounds), color=BLUE, ls="--", lw=1,
-                 label="gap found afterwards, other starts")
-    axes.set_xlabel("round of searches")
-    axes.set_ylabel("gap found")
-    axes.set_title("Each new maximum is met by chance")
-    axes.legend(fontsize=8)
-
-
 def sensitivity_panel(axes, rows, _):
     error = [100 * float(row["stiffness_error"]) for row in rows]
     for key, colour, label in (("grid_covariance", BLUE, "optimum on the paper's grid"),
                                ("continuous_covariance", VERMILION, "continuous optimum")):
         axes.loglog(error, [float(row[key]) for row in rows], "o-", color=colour, ms=4, label=label)
-    axes.set_xlabel("every stiffness off by up to [%]")
+    axes.set_xlabel("every stiffness off by up to (%)")
     axes.set_ylabel(COVARIANCE + ", median of 200 robots")
     axes.set_title("The gain needs a well-known stiffness")
     axes.xaxis.set_major_formatter(plt.FuncFormatter(plain))
@@ -65,12 +52,13 @@ def sensitivity_panel(axes, rows, _):
 
 def draw(folder):
     tables = [read_table(folder / "tables" / f"continuous_{name}.csv")
-              for name in ("bound", "refinement", "rounds", "sensitivity")]
+              for name in ("bound", "refinement", "sensitivity")]
     if not all(tables):
         return
     bounds, *tables = tables
-    figure, panels = plt.subplots(1, 3, figsize=(13.5, 4.1))
-    for panel, axes, rows in zip((refinement_panel, search_panel, sensitivity_panel), panels, tables):
+    figure, panels = plt.subplots(1, 2, figsize=(10.2, 4.1))
+    for panel, axes, rows in zip((refinement_panel, sensitivity_panel), panels, tables):
         panel(axes, rows, bounds)
     figure.tight_layout(w_pad=2.5)
+    note(figure, ASSUMED)
     save(folder, figure, "continuous_design")

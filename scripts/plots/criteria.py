@@ -4,7 +4,7 @@ design does to the parameters' standard deviations."""
 import matplotlib.pyplot as plt
 import numpy as np
 
-from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, read_table, save
+from style import ASSUMED, BLACK, BLUE, GREEN, ORANGE, VERMILION, note, read_table, save
 
 COLOURS = {"A": BLUE, "E": VERMILION, "L": ORANGE, "Ds": GREEN}
 MARKERS = {"A": "o", "E": "s", "L": "^", "Ds": "D"}
@@ -37,9 +37,10 @@ def deviation_dots(axes, rows):
     names = [name for name in COLOURS if name in rows[0]]
     y = np.arange(len(rows))[::-1]
     axes.axvline(1.0, color=BLACK, lw=1.2)
-    for name in names:
+    for place, name in enumerate(names):
         ratio = [float(row[name]) / float(row["D"]) for row in rows]
-        axes.plot(ratio, y, MARKERS[name], color=COLOURS[name], ms=5.5, alpha=0.9, label=name,
+        shift = 0.16 * (place - (len(names) - 1) / 2)  # so that none hides another
+        axes.plot(ratio, y - shift, MARKERS[name], color=COLOURS[name], ms=5, label=name,
                   markeredgecolor="white", markeredgewidth=0.5)
     axes.set_yticks(y, [row["parameter"].replace(".", ", ").replace("_", " ") for row in rows],
                     fontsize=8)
@@ -48,6 +49,12 @@ def deviation_dots(axes, rows):
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.set_xlabel("standard deviation, relative to the D-optimal design's")
+    axes.grid(axis="y", visible=False)
+    for below in y[1:]:
+        axes.axhline(below + 0.5, color="#e4e4e4", lw=0.6, zorder=0)
+    ratios = {name: max(float(row[name]) / float(row["D"]) for row in rows) for name in names}
+    safest = min(ratios, key=ratios.get)
+    axes.set_title(f"{safest} costs no parameter more than {100 * (ratios[safest] - 1):.0f} %", fontsize=10, pad=34)
     axes.legend(title="design optimal for", ncols=len(names), loc="lower center", fontsize=8,
                 title_fontsize=8, bbox_to_anchor=(0.5, 1.0), columnspacing=1.2, handletextpad=0.3)
 
@@ -62,7 +69,5 @@ def draw(folder):
                                          gridspec_kw={"width_ratios": [1.0, 1.15], "wspace": 0.55})
     efficiency_map(left, efficiencies)
     deviation_dots(right, deviations)
-    figure.text(0.02, -0.03, "IRB 6600-like robot with assumed stiffness, damping and controller; 7920 "
-                "positions; every optimum certified to a gap below 1e-9.",
-                fontsize=7.5, color="#555555")
+    note(figure, ASSUMED + " 7920 positions; every optimum certified to a gap below $10^{-9}$.", y=-0.02)
     save(folder, figure, "criteria_efficiency")

@@ -46,6 +46,11 @@ def spread(ellipsoid):
                for axis in ellipsoid["semi_axes"])
 
 
+def readable(name):
+    """'current [A]' of a file's head as 'current (A)'."""
+    return name.replace("[", "(").replace("]", ")")
+
+
 def panel(axes, points, ellipsoid, matrix, pair):
     i, j = pair
     contact = [entry["index"] for entry in ellipsoid["contact"]]
@@ -60,8 +65,8 @@ def panel(axes, points, ellipsoid, matrix, pair):
     curve = np.linalg.cholesky(matrix[np.ix_(pair, pair)]) @ circle
     centre = np.array(ellipsoid["centre"])
     axes.plot(centre[i] + curve[0], centre[j] + curve[1], color=BLUE, lw=1.2)
-    axes.set_xlabel(ellipsoid["names"][i])
-    axes.set_ylabel(ellipsoid["names"][j])
+    axes.set_xlabel(readable(ellipsoid["names"][i]))
+    axes.set_ylabel(readable(ellipsoid["names"][j]))
 
 
 def draw(points_file, ellipsoid_file, target):
@@ -81,8 +86,8 @@ def draw(points_file, ellipsoid_file, target):
         panel(axes, points, ellipsoid, matrix, list(pair))
     for axes in panels.flat[len(pairs):]:
         axes.axis("off")
-    panels.flat[0].legend(fontsize=8)
-    figure.tight_layout()
+    figure.legend(*panels.flat[0].get_legend_handles_labels(), fontsize=8, loc="upper left", ncols=2)
+    figure.tight_layout(rect=(0, 0, 1, 0.94))
     options = {"metadata": {"Date": None}} if target.suffix == ".svg" else {"dpi": 150}
     figure.savefig(target, bbox_inches="tight", **options)
     print(f"wrote {target}")

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
-from style import BLACK, BLUE, GREY, SKY, VERMILION, read_table, save
+from style import ASSUMED, BLACK, BLUE, GREY, SKY, VERMILION, note, read_table, save
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 JOINTS = [f"q{joint}_deg" for joint in range(1, 6)]
@@ -97,10 +97,11 @@ def figure_2(folder):
     axes.plot([], [], color=VERMILION, ls="--", label="inverse controller, $F^{-1}$")
     axes.set_xlim(frequency[0], frequency[-1])
     plain_log_axis(axes.xaxis, [1, 2, 5, 10, 20, 50])
-    axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("singular values, rad/s per N m (motor side)")
+    axes.set_xlabel("frequency (Hz)")
+    axes.set_ylabel("singular values, motor side (rad/s per N m)")
     axes.legend(loc="lower left", fontsize=8)
-    axes.set_title("Figure 2: frequency response at $q_m = 0$ and the inverse controller")
+    axes.set_title("Figure 2: the loop is closed where the inverse controller lies below the robot ($q_m = 0$)")
+    note(figure, ASSUMED, y=-0.01)
     save(folder, figure, "figure_2")
 
 
@@ -114,8 +115,18 @@ def figure_4(folder):
     rows = read_table(folder / "tables" / "figure_4.csv")
     if not rows:
         return
-    exact = read_table(folder / "tables" / "exact_designs.csv")
-    figure, axes = plt.subplots(figsize=(7.6, 5.4))
+    last = int(rows[-1]["experiments"])
+    exact = [row for row in read_table(folder / "tables" / "exact_designs.csv") if int(row["experiments"]) <= last]
+    figure, (axes, close) = plt.subplots(1, 2, figsize=(11.5, 5.0), width_ratios=[1.5, 1])
+    covariances(axes, rows, exact)
+    efficiencies(close, rows, exact)
+    figure.suptitle("Figure 4: " + figure_4_message(rows), x=0.01, ha="left", fontsize=11)
+    figure.tight_layout(w_pad=2.5)
+    note(figure, ASSUMED + " 7920 positions; random positions: 1000 draws.")
+    save(folder, figure, "figure_4")
+
+
+def covariances(axes, rows, exact):
     axes.set_xscale("log")
     axes.set_yscale("log")
     m, low = known(rows, "random_low")
@@ -127,20 +138,37 @@ def figure_4(folder):
               label="M random positions, mean (band: 5 % to 95 %)")
     axes.plot(*known(rows, "best_single"), color=VERMILION, lw=1.4, ls="--",
               label="best single position")
-    axes.plot(*known(rows, "rounded"), color=SKY, lw=0, marker="o", ms=3.6, mfc="white",
+    axes.plot(*known(rows, "relaxed"), color=BLUE, lw=1.2, label=r"relaxed, $M\lambda^*$: lower bound")
+    axes.plot(*known(rows, "rounded"), color=SKY, lw=0, marker="o", ms=4.4, mfc="white",
               label=r"rounded, $\tilde{m}$ (the paper's footnote 3)")
-    exact = [row for row in exact if int(row["experiments"]) <= m[-1]]
     if exact:
         draw_exact(axes, exact)
-    axes.plot(*known(rows, "relaxed"), color=BLUE, lw=1.2, label=r"relaxed, $M\lambda^*$: lower bound")
     axes.set_xlim(1, m[-1])
     plain_log_axis(axes.xaxis, [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if tick <= m[-1]])
     plain_log_axis(axes.yaxis, [0.01, 0.1, 1, 10, 100])
     axes.set_xlabel("number of experiments M")
     axes.set_ylabel("covariance, det($H$)$^{-1/d}$ (1: relaxed optimum, one experiment)")
     axes.legend(fontsize=8, loc="upper right")
-    axes.set_title("Figure 4: " + figure_4_message(rows))
-    save(folder, figure, "figure_4")
+
+
+def efficiencies(axes, rows, exact):
+    """Where the designs of whole numbers lie below the relaxed bound: the first 20 experiments, on a plain axis."""
+    of = {int(row["experiments"]): row for row in rows}
+    rounded = [(m, float(row["relaxed"]) / float(row["rounded"])) for m, row in of.items()
+               if m <= 20 and row["rounded"] and row["relaxed"]]
+    axes.plot(*zip(*rounded), color=SKY, lw=0, marker="o", ms=6, mfc="white", label=r"rounded, $\tilde{m}$")
+    best = [(int(row["experiments"]), float(row["relaxed"]) / float(row["branch_and_bound"]))
+            for row in exact if int(row["experiments"]) <= 20]
+    if best:
+        axes.plot(*zip(*best), color=BLACK, lw=0, marker=".", ms=5, label="best integer design, $m^*$")
+    axes.axhline(1, color=BLUE, lw=1.2)
+    axes.set_xlim(0.5, 20.5)
+    axes.set_xticks([1, 5, 10, 15, 20])
+    axes.set_ylim(0, 1.05)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f} %"))
+    axes.set_xlabel("number of experiments M")
+    axes.set_ylabel("D-efficiency against the relaxed bound")
+    axes.legend(fontsize=8, loc="lower right")
 
 
 def draw_exact(axes, exact):
@@ -179,14 +207,6 @@ def draw_arm(axes, places, width, project):
     axes.plot(*zip(line[-1]), ls="", marker="o", mfc="white", mec=VERMILION, mew=1.4, ms=6, zorder=4)
 
 
-def reach(poses):
-    """A cube that holds every pose."""
-    points = np.vstack([places for _, places in poses])
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    half = (points.max(axis=0) - points.min(axis=0)).max() / 2 * 1.06
-    return centre - half, centre + half
-
-
 def side_panels(figure, grid, poses):
     """One panel a pose, seen from the side: along the plane in which the arm bends."""
     across = math.ceil(len(poses) / 3)
@@ -206,7 +226,28 @@ def side_panels(figure, grid, poses):
         axes.axhline(0, color="#bbbbbb", lw=0.8)
         for side in axes.spines.values():
             side.set_visible(False)
-        axes.set_title(f"{k + 1}:  {weight:.3f}", fontsize=8, pad=2)
+        axes.set_title(f"{k + 1}:  {100 * weight:.1f} %", fontsize=8, pad=2)
+        if k == 0:
+            scale_bar(axes, -radius, points[:, 2].max())
+
+
+def scale_bar(axes, x, y, length=1.0):
+    axes.plot([x, x + length], [y, y], color=BLACK, lw=1.6, solid_capstyle="butt", clip_on=False)
+    axes.text(x + length / 2, y - 0.08, f"{length:g} m", ha="center", va="top", fontsize=7)
+
+
+def top_panel(axes, poses):
+    """All payloads and arms from above: how the positions turn about the first axis."""
+    for k, (weight, places) in enumerate(poses):
+        line = places[:, :2]
+        axes.plot(*line.T, color=BLUE, lw=0.8 + 14 * weight, alpha=0.55, solid_capstyle="round", zorder=2)
+        axes.plot(*line[-1], ls="", marker="o", mfc="white", mec=VERMILION, mew=1.2, ms=10, zorder=4)
+        axes.text(*line[-1], str(k + 1), ha="center", va="center", fontsize=6, zorder=5)
+    axes.plot(0, 0, "+", color=BLACK, ms=10, zorder=3)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    axes.set_title("From above")
 
 
 def figure_5(folder):
@@ -215,25 +256,14 @@ def figure_5(folder):
         return
     poses = poses_of(rows)
     figure = plt.figure(figsize=(11.5, 5.2))
-    grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1), wspace=0.0)
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.35, 1), wspace=0.1)
     side_panels(figure, grid[0], poses)
-    axes = figure.add_subplot(grid[1], projection="3d")
-    for weight, places in poses:
-        draw_arm(axes, places, 0.8 + 14 * weight, lambda place: tuple(place))
-    low, high = reach(poses)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
-    axes.set_zlim(low[2], high[2])
-    axes.set_box_aspect((1, 1, 1), zoom=1.02)
-    axes.set_xlabel("x, m")
-    axes.set_ylabel("y, m")
-    axes.text2D(0.97, 0.83, "z, m", transform=axes.transAxes)
-    axes.view_init(elev=18, azim=-62)
-    axes.tick_params(labelsize=7)
-    figure.suptitle(f"Figure 5: the {len(poses)} optimal positions", x=0.12, ha="left", fontsize=11, y=0.97)
-    figure.text(0.12, 0.035, "Left: each from the side, in the vertical plane through its shoulder, with its "
-                "number in Table I and its weight. Right: all in space, line width by weight.\n"
-                "Dots: joints; circle: payload (centre of mass of the last link with its load). "
+    top_panel(figure.add_subplot(grid[1]), poses)
+    figure.suptitle(f"Figure 5: the {len(poses)} optimal positions, with their share of the experiments",
+                    x=0.12, ha="left", fontsize=11, y=0.97)
+    figure.text(0.12, 0.0, "Left: each from the side, in the vertical plane through its shoulder, with its "
+                "number in Table I. Right: all from above, line width by share. "
+                "\nDots: joints; circle: payload (centre of mass of the last link with its load). "
                 "Geometry from the URDF.", fontsize=7.5, color="#555555", va="top")
     save(folder, figure, "figure_5")
 

@@ -8,6 +8,7 @@ from style import BLACK, BLUE, GREEN, ORANGE, VERMILION, dots, read_table, save
 # A panel of a figure shows the errors of one set; parameter values stay in the table.
 SPLITS = ("train", "test", "pulses", "arrow", "A", "B", "C")
 COLOURS = {"train": BLUE, "test": ORANGE, "pulses": VERMILION, "arrow": GREEN, "A": BLUE, "B": ORANGE, "C": GREEN}
+MARKERS = {BLUE: "o", ORANGE: "s", VERMILION: "D", GREEN: "^"}
 
 
 def panel(axes, rows, name):
@@ -19,7 +20,7 @@ def panel(axes, rows, name):
     height = 0.8 / len(splits)
     errors = [float(row["ours"]) for row in rows]
     is_wide = max(errors) > 15 * min(errors)
-    if is_wide:  # before anything is drawn: a logarithmic axis takes dots
+    if is_wide:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if max(errors) < 100 * min(errors) else (1,)))
@@ -27,23 +28,28 @@ def panel(axes, rows, name):
     for number, split in enumerate(splits):
         for row in (row for row in rows if row["split"] == split):
             y = models.index(row["model"]) + (number - (len(splits) - 1) / 2) * height
-            if is_wide:
-                dots(axes, [y], [float(row["ours"])], COLOURS[split])
-            else:
-                axes.barh(y, float(row["ours"]), height=0.9 * height, color=COLOURS[split])
+            dots(axes, [y], [float(row["ours"])], COLOURS[split], marker=MARKERS[COLOURS[split]])
             if not row["reference"]:
                 continue
             axes.plot([float(row["reference"])] * 2, [y - 0.5 * height, y + 0.5 * height], color=BLACK, lw=1.8)
-    for split in splits:
-        axes.plot([], [], "o" if is_wide else "s", color=COLOURS[split], label=f"graybox, {split}")
-    if any(row["reference"] for row in rows):
-        axes.plot([], [], color=BLACK, lw=1.8, label="by hand or published")
     axes.set_yticks(range(len(models)), models)
     axes.invert_yaxis()
-    axes.set_xlabel(unit)
+    if not is_wide:
+        axes.set_xlim(left=0)
+    axes.set_xlabel(unit.replace("[", "(").replace("]", ")"))
     axes.set_title(name)
     axes.grid(axis="y", visible=False)
-    axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
+def legend(figure, splits):
+    """One legend for all panels: a mark for each role of a recording."""
+    names = {}
+    for split in (split for split in SPLITS if split in splits):
+        names.setdefault(COLOURS[split], []).append(split)
+    handles = [plt.Line2D([], [], ls="", marker=MARKERS[colour], color=colour, label="graybox on " + ", ".join(of))
+               for colour, of in names.items()]
+    handles.append(plt.Line2D([], [], color=BLACK, lw=1.8, label="by hand or published"))
+    figure.legend(handles=handles, fontsize=8, loc="lower left", ncols=len(handles))
 
 
 def draw(folder):
@@ -59,7 +65,7 @@ def draw(folder):
             each.set_visible(False)
         for each, name in zip(axes.flat, names):
             panel(each, rows, name)
-        figure.suptitle("Real recordings: the error each model leaves, beside figures measured by hand or published",
-                        x=0.01, ha="left", fontsize=11)
-        figure.tight_layout(rect=(0, 0, 1, 0.99))
+        figure.suptitle("Model by model, the error is about that which others reached by hand", x=0.01, ha="left", fontsize=11)
+        figure.tight_layout(rect=(0, 0.03, 1, 0.99))
+        legend(figure, {row["split"] for row in rows})
         save(folder, figure, file.stem)

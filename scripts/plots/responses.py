@@ -4,7 +4,7 @@ import math
 
 import matplotlib.pyplot as plt
 
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, read_table, save
+from style import ASSUMED, BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, note, read_table, save
 
 OUTPUT = "y_1"
 
@@ -27,7 +27,7 @@ def hertz_axis(axes):
     axes.set_xticks([1, 2, 5, 10, 20, 50])
     axes.xaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(plt.FuncFormatter(lambda *_: ""))
-    axes.set_xlabel("frequency [Hz]")
+    axes.set_xlabel("frequency (Hz)")
 
 
 def response_panel(axes, single, truth):
@@ -42,7 +42,7 @@ def response_panel(axes, single, truth):
         axes.plot(frequency, magnitude(true), "-", lw=0.8, color=colour)
     axes.plot([], [], "-", lw=0.8, color=GREY, label="lines: the truth, in the colour of its joint")
     axes.set_yscale("log")
-    axes.set_ylabel("|G|, torque to velocity of one motor [rad/s / N m]")
+    axes.set_ylabel("|G|, torque to velocity of one motor (rad/s per N m)")
     axes.set_title("Six recordings of 8 s: regions of 95 % are smaller than the dots")
     axes.legend(fontsize=7.5)
 
@@ -59,8 +59,9 @@ def error_panel(axes, single, truth):
     axes.plot(frequency, [100 * r for r in relative], "o", ms=3, color=BLUE, label="error")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(plt.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_ylabel("of |G|, joint 1 [%]")
-    axes.set_title("Joint 1: the error beside the radius of its region")
+    axes.set_ylabel("relative to |G| of joint 1 (%)")
+    inside = sum(error <= r for error, r in zip(relative, radius))
+    axes.set_title(f"Joint 1: the error lies inside its region at {inside} of {len(radius)} frequencies")
     axes.legend(fontsize=7.5)
 
 
@@ -74,7 +75,7 @@ def level_panel(axes, friction):
                                         ("noise_level", GREY, "-", "noise (periods)")):
         axes.plot(frequency, column(rows, name), marker, ms=3, lw=1.2, color=colour, label=label)
     axes.set_yscale("log")
-    axes.set_ylabel("velocity of motor 1, one DFT line, rms [rad/s]")
+    axes.set_ylabel("velocity of motor 1, rms of one DFT line (rad/s)")
     axes.set_title("Hidden friction shows as distortion")
     axes.legend(fontsize=7.5)
 
@@ -86,8 +87,8 @@ def coverage_panel(axes, coverage):
                   yerr=[200 * x for x in column(rows, "deviation")], fmt="o", ms=3, lw=0.8, color=BLUE,
                   label="share inside, ± 2 standard deviations")
     axes.axhline(95, color=BLACK, lw=0.8)
-    axes.set_ylim(80, 101)
-    axes.set_ylabel("regions that hold the truth [%]")
+    axes.set_ylim(92, 98)
+    axes.set_ylabel("regions that hold the truth (%)")
     axes.set_title(f"Nominal 95 %: {100 * float(total['share_inside']):.1f} % of "
                    f"{int(total['entries']):,} regions".replace(",", " "))
     axes.legend(fontsize=7.5, loc="lower right")
@@ -106,4 +107,5 @@ def draw(folder):
     for axes in panels.flat:
         hertz_axis(axes)
     figure.tight_layout(h_pad=2, w_pad=2)
+    note(figure, ASSUMED + " Simulated recordings.")
     save(folder, figure, "frequency_responses")

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, growth, plt, read_table, save,
-                   seconds_axis)
+from style import (ASSUMED, BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, growth, note, plt, read_table, save,
+                   scientific, seconds_axis)
 
 DESIGNS = {  # name in the table: label, colour, line style
     "worst_case": ("worst case over 100 samples", BLUE, "-"),
@@ -15,8 +15,6 @@ DESIGNS = {  # name in the table: label, colour, line style
     "nominal": ("nominal", VERMILION, "-"),
     "best_single_position": ("nominal, best single position", GREY, ":"),
 }
-
-ASSUMED = "IRB 6600-like robot: stiffness, damping, motors and controller are assumed."
 
 SOLVERS = {
     "concentration_interior_point": ("with the limit, low rank", BLUE, "o", "-"),
@@ -43,9 +41,10 @@ def efficiency(folder):
     axes.set_xlim(0, None)
     axes.set_ylim(0, 1)
     axes.yaxis.set_major_formatter(FuncFormatter(percent))
-    axes.set_xlabel("D-efficiency: against the optimal design for the true stiffness\n" + ASSUMED)
+    axes.set_xlabel("D-efficiency, against the optimal design for the true stiffness")
     axes.set_ylabel(f"share of {len(rows)} random stiffness vectors\nwith at most this efficiency")
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0, -0.20))
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0, -0.15))
+    note(figure, ASSUMED, y=-0.22, x=0.12)
     if "nominal" in values and "worst_case" in values:
         better = np.mean([float(row["worst_case"]) > float(row["nominal"]) for row in rows])
         axes.set_title(f"Designs over samples beat the nominal design for {100 * better:.0f} % of "
@@ -86,9 +85,8 @@ def scaling(folder):
                     for row in rows if row["solver"] == solver]
             if not runs:
                 continue
-            chosen = [min(run for run in runs if run[0] == size) for size in sorted({run[0] for run in runs})]
-            x = np.array([q for q, _, _ in chosen], dtype=float)
-            y = np.array([s if name == "seconds" else s / n for _, s, n in chosen])
+            x = np.array(sorted({run[0] for run in runs}), dtype=float)
+            y = np.array([np.median([s if name == "seconds" else s / n for q, s, n in runs if q == size]) for size in x])
             fitted = x >= 500
             slope, half = exponent(x[fitted], y[fitted])
             message[solver, name] = slope, half
@@ -103,8 +101,8 @@ def scaling(folder):
         axes.tick_params(axis="x", labelsize=8, rotation=50)
         axes.legend(fontsize=8, loc="lower right")
     gap = float(rows[0]["gap"])
-    both[0].set_ylabel(f"time to a duality gap of {gap:g}, one thread")
-    both[1].set_ylabel("time for an iteration")
+    both[0].set_ylabel(f"time to a duality gap of {scientific(gap)}, one thread")
+    both[1].set_ylabel("time for an iteration, one thread")
     parts = [growth(name, *message[solver, "seconds an iteration"])
              for solver, name in (("concentration_interior_point", "under the concentration limit"),
                                   ("primal_interior_point_low_rank", "without it"),
@@ -113,9 +111,10 @@ def scaling(folder):
     known = [part for part in parts if part]
     figure.suptitle("An iteration grows " + ", ".join(known) if known else "Time against the candidates",
                     x=0.06, ha="left", fontsize=10.5)
-    figure.text(0.06, -0.06, "IRB 6600-like robot (assumed stiffness), at most half of the experiments in 1 % of the positions; smallest "
-                "of repeated runs. Exponents: least squares over Q ≥ 500 with 95 % intervals.",
-                fontsize=7.5, color="#555555")
+    repeats = sorted({sum(1 for other in rows if (other["solver"], other["candidates"]) == (row["solver"], row["candidates"]))
+                      for row in rows})
+    note(figure, ASSUMED + " At most half of the experiments in 1 % of the positions.\n"
+         f"Medians of {repeats[0]} to {repeats[-1]} runs. Exponents: least squares over Q ≥ 500 with 95 % intervals.", x=0.06, y=-0.03)
     figure.subplots_adjust(left=0.07, right=0.99, top=0.90, bottom=0.17, wspace=0.24)
     save(folder, figure, "concentration_scaling")
 
@@ -133,12 +132,14 @@ def cost(folder):
                   marker=marker, ms=4, label=f"{100 * fraction:g} % of the positions ({chosen[0][2]})")
     axes.set_yscale("log")
     axes.set_yticks([1, 2, 5, 10])
+    axes.set_ylim(0.93, 6)
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(FuncFormatter(percent))
-    axes.set_xlabel("largest share of the experiments in the positions of the legend\n" + ASSUMED)
+    axes.set_xlabel("largest share of the experiments in the limited positions")
     axes.set_ylabel("covariance $(\\det M)^{-1/d}$ over the optimum's")
     axes.legend(fontsize=8, title="limited positions", title_fontsize=8)
+    note(figure, ASSUMED, y=-0.06, x=0.08)
     half = [row for row in rows if float(row["largest_share"]) == 0.5 and float(row["of_positions"]) == 0.01]
     if half:
         axes.set_title("With at most half of the experiments in 1 % of the positions the covariance is\n"
@@ -158,21 +159,21 @@ def uncertainty(folder):
         if values:
             known.append((0.5, *np.percentile(values, (5, 50, 95))))
     figure, axes = plt.subplots(figsize=(6.8, 4.0))
-    for name, known in points.items():
-        known.sort()
-        _, colour, line = DESIGNS[name]
-        x = [row[0] for row in known]
-        axes.plot(x, [row[2] for row in known], color=colour, ls=line, marker="o", ms=4,
-                  label={"worst_case": "worst case over samples", "nominal": "nominal"}[name])
-        axes.fill_between(x, [row[1] for row in known], [row[3] for row in known], color=colour,
-                          alpha=0.12, lw=0)
-    axes.set_xscale("log")
-    axes.set_xticks([row[0] for row in points["nominal"]])
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: "±" + percent(value)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    for name, marker, shift in (("worst_case", "o", -0.06), ("nominal", "s", 0.06)):
+        known = sorted(points[name])
+        _, colour, _ = DESIGNS[name]
+        middle = np.array([row[2] for row in known])
+        axes.errorbar(np.arange(len(known)) + shift, middle,
+                      yerr=[middle - [row[1] for row in known], [row[3] for row in known] - middle],
+                      fmt=marker, ms=5, lw=1.4, capsize=3, color=colour,
+                      label={"worst_case": "worst case over samples", "nominal": "nominal"}[name])
+    known = sorted(points["nominal"])
+    axes.set_xticks(range(len(known)), [f"±{percent(row[0])}\n{1000 if row[0] == 0.5 else 40} robots" for row in known])
     axes.set_ylim(0, 1)
-    axes.set_xlabel("stiffness known to within; ±50 %: 1000 robots, the others 40\n" + ASSUMED)
+    axes.grid(axis="x", visible=False)
+    axes.set_xlabel("stiffness known to within")
     axes.set_ylabel("D-efficiency, median and 5 to 95 %")
+    note(figure, ASSUMED, y=-0.06, x=0.08)
     axes.set_title("The nominal design needs the stiffness to within a few per cent;\n"
                    "a design over samples varies far less from robot to robot", pad=10)
     axes.legend(fontsize=8)

@@ -3,7 +3,8 @@
 import matplotlib.pyplot as plt
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, dots, read_table, save
+from style import (ASSUMED, BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, dots, note, read_table,
+                   save)
 
 AXIS_COLOURS = {1: BLUE, 2: ORANGE, 3: GREEN, 4: SKY, 5: PURPLE, 6: VERMILION}
 NAMES = {"flat": "flat spectrum,\nbest positions",
@@ -11,7 +12,6 @@ NAMES = {"flat": "flat spectrum,\nbest positions",
          "two_step": "spectrum of each position,\nthen positions",
          "joint": "joint"}
 COLOURS = {"flat": GREY, "blocks_first": GREEN, "two_step": ORANGE, "joint": BLUE}
-ASSUMED = "IRB 6600-like robot: stiffness, damping, motors and controller are assumed."
 
 
 def draw(folder):
@@ -35,7 +35,7 @@ def draw_spectra(folder, rows):
     steps = [row for row in rows if row["design"] == "two_step"]
     if not joint or not steps:
         return
-    figure, panels = plt.subplots(2, 1, figsize=(7.2, 5.4), sharex=True, layout="constrained")
+    figure, panels = plt.subplots(2, 1, figsize=(7.2, 5.4), sharex=True, sharey=True, layout="constrained")
     for axes, lines in zip(panels, (joint, steps)):
         draw_stems(axes, lines)
     for number in sorted({int(row["axis"]) for row in joint + steps}):
@@ -48,7 +48,8 @@ def draw_spectra(folder, rows):
                         f"{count_positions(steps)} positions")
     panels[1].legend(title="excited axis", ncol=2, loc="upper left", columnspacing=1.0,
                      handletextpad=0.3)
-    panels[1].set_xlabel("frequency (Hz); lines of one frequency are drawn side by side\n" + ASSUMED)
+    panels[1].set_xlabel("frequency (Hz)")
+    note(figure, ASSUMED + "\nEach stem stands at its frequency; stems of one frequency are stacked.", y=-0.02)
     save(folder, figure, "spectrum_optimal")
 
 
@@ -57,23 +58,21 @@ def count_positions(lines):
 
 
 def draw_stems(axes, lines):
-    """A stem for each line; those of one frequency stand side by side."""
-    taken = {}
+    """A stem for each line; those of one frequency stand on each other."""
+    top = {}
     for row in sorted(lines, key=lambda row: (int(row["axis"]), -float(row["weight"]))):
         frequency = float(row["frequency"])
-        place = taken.get(frequency, 0)
-        taken[frequency] = place + 1
-        x = frequency * (1.0 + 0.006 * (place if place % 2 == 0 else -place - 1) / 2)
+        foot = top.get(frequency, 0.0)
+        top[frequency] = foot + 100 * float(row["weight"])
         colour = AXIS_COLOURS[int(row["axis"])]
-        height = 100 * float(row["weight"])
-        axes.plot([x, x], [0, height], color=colour, linewidth=1)
-        axes.plot(x, height, "o", color=colour, markersize=3)
+        axes.plot([frequency] * 2, [foot, top[frequency]], color=colour, linewidth=1.2)
+        axes.plot(frequency, top[frequency], "o", color=colour, markersize=3)
     axes.set_xscale("log")
     axes.set_xlim(0.95, 63)
     axes.set_xticks([1, 2, 5, 10, 20, 50])
     plain_numbers(axes.xaxis)
     axes.set_ylim(bottom=0)
-    axes.set_ylabel("share of time times\nshare of power (%)")
+    axes.set_ylabel("share of time ×\nshare of power (%)")
 
 
 def draw_comparison(folder, comparison, robustness):
@@ -84,7 +83,7 @@ def draw_comparison(folder, comparison, robustness):
     draw_designs(panels[0], comparison)
     draw_limits(panels[1], comparison)
     draw_robustness(panels[2], robustness)
-    figure.supxlabel(ASSUMED + " Equal time and reference power.", fontsize=8)
+    note(figure, ASSUMED + " Equal time and reference power; 7920 positions.", y=-0.02)
     save(folder, figure, "spectrum_comparison")
 
 
@@ -100,7 +99,7 @@ def draw_designs(axes, rows):
     axes.set_yticks(range(len(chosen)), [NAMES[row["design"]] for row in reversed(chosen)],
                     fontsize=8)
     axes.set_xscale("log")
-    axes.set_xlim(0.004, 20)
+    axes.set_xlim(0.004, 3)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(r"covariance $(\det H^{-1})^{1/d}$")
     axes.set_title("Choosing both saves most")
@@ -120,21 +119,29 @@ def draw_limits(axes, rows):
     axes.set_title("Spreading the time costs little")
 
 
+EXACT = 0.5  # where a deviation of zero is drawn, apart from the logarithmic axis
+
+
 def draw_robustness(axes, rows):
     for name in ("flat", "two_step", "blocks_first", "joint"):
         mine = [row for row in rows if row["design"] == name and unlimited(row)]
+        known = [row for row in mine if float(row["deviation"]) == 0]
+        mine = [row for row in mine if float(row["deviation"]) > 0]
         x = [100 * float(row["deviation"]) for row in mine]
         axes.plot(x, [float(row["covariance_median"]) for row in mine], "o-", markersize=3,
                   color=COLOURS[name], label=NAMES[name].replace("\n", " "))
         axes.plot(x, [float(row["covariance_worst"]) for row in mine], ":", color=COLOURS[name])
+        axes.plot([EXACT] * len(known), [float(row["covariance_median"]) for row in known], "D", ms=4, mfc="white",
+                  color=COLOURS[name])
     axes.plot([], [], ":", color=BLACK, label=f"worst of {mine[-1]['samples']} draws")
-    axes.set_xscale("symlog", linthresh=1, linscale=0.5)
-    axes.set_xticks([0, 1, 3, 10, 30, 50])
-    plain_numbers(axes.xaxis)
-    axes.set_xlim(0, 55)
+    axes.set_xscale("log")
+    axes.set_xticks([EXACT, 1, 3, 10, 30, 50], ["none", "1", "3", "10", "30", "50"])
+    axes.minorticks_off()
+    axes.axvline(0.7, ymax=0.68, color=GREY, lw=0.8, ls=(0, (1, 2)))
+    axes.set_xlim(0.35, 60)
     axes.set_yscale("log")
     axes.set_ylim(top=3000)
     axes.set_xlabel("true stiffness differs by up to (%)")
-    axes.set_ylabel("covariance, median")
+    axes.set_ylabel(r"covariance $(\det H^{-1})^{1/d}$, median")
     axes.legend(fontsize=7.5, loc="upper left", ncol=1)
     axes.set_title("The gain presumes known resonances")

@@ -18,8 +18,6 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from style import (BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, growth, save, scientific,
                    seconds_axis, spread_labels)
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
-
 HIGHLIGHTS = {
     "primal_interior_point": VERMILION,
     "dual_interior_point": BLUE,
@@ -84,6 +82,7 @@ class Study:
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)
         self.runs = []
+        self.environment = {}
         with open(self.folder / "rows.jsonl", encoding="utf-8") as lines:
             for line in lines:
                 try:
@@ -92,6 +91,8 @@ class Study:
                     continue  # torn by a kill
                 if row.get("kind") == "run":
                     self.runs.append(row)
+                elif row.get("kind") == "environment":
+                    self.environment = row
         self.points = self.table("points")
         self.laws = {row["solver"]: row for row in self.table("fitted_exponents")}
 
@@ -129,8 +130,8 @@ class Study:
 # ---- drawing ----------------------------------------------------------------------------------
 
 
-def legend_below(axes, y):
-    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(-0.03, y), ncol=2, columnspacing=1.0,
+def legend_below(axes, y, columns=2):
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(-0.03, y), ncol=columns, columnspacing=1.0,
                 handlelength=2.4)
 
 
@@ -185,74 +186,114 @@ def exponent_message(study):
     return "Time grows with the candidates: " + message
 
 
+# The curves of the overview: the paper's two forms, the slowest, an exchange method of 1972, and the default.
+CHOSEN = ("column_generation", "fedorov_wynn", "dual_interior_point", "primal_interior_point", "ipopt_primal")
+
+
+def processor(study):
+    return f"one thread of {study.environment['processor']}" if "processor" in study.environment else "one thread"
+
+
+def medians(study, experiment):
+    """'medians of 1 to 9 runs', as many as there were."""
+    counts = sorted({int(row["repetitions"]) for row in study.points_of(experiment)})
+    if not counts:
+        return "medians"
+    return f"medians of {counts[0]} to {counts[-1]} runs" if counts[0] < counts[-1] else f"medians of {counts[0]} runs"
+
+
+def passes_note(study):
+    """Why the curve of column generation falls: it reads the set less often once it draws samples of it."""
+    x, y = study.curve("column_generation", "passes")
+    falls = [(y[i + 1] / y[i], i) for i in range(len(x) - 1)]
+    if not falls or min(falls)[0] > 0.6:
+        return ""
+    i = min(falls)[1]
+    return (f"\nColumn generation starts on a sample where the set is large: {y[i]:.1f} passes over it at Q = {x[i]}, "
+            f"{y[i + 1]:.1f} at Q = {x[i + 1]}.")
+
+
+def draw_times(axes, study, solver, **extra):
+    """The curve of a solver; where it ends, or None if it solved nothing."""
+    x, y = study.curve(solver, "median_seconds")
+    if not x:
+        return None
+    plot_curve(axes, x, y, solver, **extra)
+    if solver in HIGHLIGHTS:
+        axes.fill_between(x, study.curve(solver, "lower_quartile_seconds")[1],
+                          study.curve(solver, "upper_quartile_seconds")[1], color=style_of(solver)[0], alpha=0.12, lw=0)
+    return x[-1], y[-1]
+
+
 def figure_3(study):
     sizes = study.sizes()
     if not sizes:
         return
-    figure, axes = plt.subplots(figsize=(9.2, 6.6))
+    present = study.solvers("scaling")
+    chosen = [name for name in CHOSEN if name in present]
+    others = [name for name in present if name not in CHOSEN]
+    chosen += others[:3] if len(chosen) < 2 else [name for name in others if name not in STYLES][:3]  # brought
+    figure, axes = plt.subplots(figsize=(8.6, 5.4))
     axes.set_yscale("log")
     candidate_axis(axes, sizes)
     labels = []
-    for solver in study.solvers("scaling"):
-        x, y = study.curve(solver, "median_seconds")
-        if not x:
+    for solver in chosen:
+        end = draw_times(axes, study, solver)
+        if end is None:
             continue
-        low = study.curve(solver, "lower_quartile_seconds")[1]
-        high = study.curve(solver, "upper_quartile_seconds")[1]
-        plot_curve(axes, x, y, solver)
-        if solver in HIGHLIGHTS:
-            axes.fill_between(x, low, high, color=style_of(solver)[0], alpha=0.12, lw=0)
-        stopped = "" if x[-1] == sizes[-1] else f" (to {x[-1]})"
+        stopped = "" if end[0] == sizes[-1] else f" (to {end[0]})"
         weight = "bold" if solver in HIGHLIGHTS else "normal"
-        labels.append(((x[-1], y[-1]), readable(solver) + stopped + exponent_text(study, solver),
-                       style_of(solver)[0], weight))
+        labels.append((end, readable(solver) + stopped + exponent_text(study, solver), style_of(solver)[0], weight))
     axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel(f"time to a duality gap of {scientific(study.gap())}, one thread")
+    axes.set_ylabel(f"time to a duality gap of {scientific(study.gap())}")
     seconds_axis(axes)
     axes.set_title(exponent_message(study), pad=12)
     figure.canvas.draw()
-    spread_labels(axes, labels, 1.06)
-    axes.text(0, -0.12, "Medians (bands: quartiles, of the three heavy curves); robot set, nested subsets. Exponents: least squares over "
-              "Q ≥ 500 with 95 % confidence.\nOnly answers whose gap the checker confirmed.",
+    spread_labels(axes, labels, 1.06, minimum=0.045)
+    axes.text(0, -0.14, f"Robot set, nested subsets; {medians(study, 'scaling')}, bands: quartiles; {processor(study)}; gaps as the "
+              "checker finds them.\nExponents: least squares over Q ≥ 500 with 95 % confidence. "
+              f"{len(chosen)} of {len(present)} solvers." + passes_note(study),
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study.folder, figure, "figure_3")
 
 
-def figure_3_peers(study):
-    """Ours beside figures measured in another run with other programs (docs/explanation/peers.md)."""
-    file = ROOT / "results" / "peers.csv"
-    sizes = study.sizes()
-    if not file.exists() or not sizes:
+def figure_3_all(study):
+    """All solvers, in panels of at most eight curves."""
+    sizes, panels = study.sizes(), group_panels(study, "scaling")
+    if not sizes or len(study.solvers("scaling")) <= len(CHOSEN):
         return
-    with open(file, encoding="utf-8", newline="") as stream:
-        rows = [row for row in csv.DictReader(stream) if row["family"] == "rob"]
-    sizes = sorted(set(sizes) | {int(row["candidates"]) for row in rows})
-    figure, axes = plt.subplots(figsize=(9.2, 6.0))
-    axes.set_yscale("log")
-    candidate_axis(axes, sizes)
-    labels = []
-    for name in dict.fromkeys((row["program"], row["form"]) for row in rows):
-        chosen = [row for row in rows if (row["program"], row["form"]) == name and row["seconds"]]
-        x = [int(row["candidates"]) for row in chosen]
-        y = [float(row["seconds"]) for row in chosen]
-        axes.plot(x, y, color="#999999", lw=0.9, marker=".", ms=4)
-        labels.append(((x[-1], y[-1]), f"{name[0]}, {name[1]}", "#777777", "normal"))
-    for solver in HIGHLIGHTS:
+    figure, all_axes = plt.subplots(1, len(panels), figsize=(4.1 * len(panels), 4.9), sharey=True, squeeze=False)
+    for axes, (title, names) in zip(all_axes[0], panels):
+        axes.set_yscale("log")
+        candidate_axis(axes, sizes)
+        axes.tick_params(axis="x", rotation=60)
+        for solver in names[:7] + ["column_generation"]:
+            draw_times(axes, study, solver, label=readable(solver) + exponent_text(study, solver))
+        seconds_axis(axes)
+        axes.set_title(title)
+        legend_below(axes, -0.26, columns=1)
+    all_axes[0][0].set_ylabel(f"time to a duality gap of {scientific(study.gap())}")
+    figure.suptitle(all_message(study), x=0.06, ha="left", fontsize=10.5)
+    figure.text(0.06, -0.25, f"Robot set, nested subsets; {medians(study, 'scaling')}, bands: quartiles; {processor(study)}. "
+                "Exponents: least squares over Q ≥ 500 with 95 % confidence." + passes_note(study),
+                fontsize=7.5, color="#555555", va="top")
+    figure.subplots_adjust(left=0.06, right=0.99, bottom=0.26, top=0.86, wspace=0.10)
+    save(study.folder, figure, "figure_3_all")
+
+
+def all_message(study):
+    """How far the solvers are apart on the largest set."""
+    sizes = study.sizes()
+    ends = {}
+    for solver in study.solvers("scaling"):
         x, y = study.curve(solver, "median_seconds")
-        if x:
-            plot_curve(axes, x, y, solver)
-            labels.append(((x[-1], y[-1]), readable(solver), style_of(solver)[0], "bold"))
-    axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel("graybox: wall time; others: CPU time; one thread")
-    seconds_axis(axes)
-    axes.set_title("graybox beside other programs, on other problems and to other gaps:\norders of magnitude only", pad=12)
-    figure.canvas.draw()
-    spread_labels(axes, labels, 1.06)
-    axes.text(0, -0.12, f"Coloured: this run, robot set, checked gap {scientific(study.gap())}. Grey: other run, "
-              "other set of the same size (log-normal Wishart), CPU seconds,\ngaps of 1e-4 to 1e-11; see "
-              "docs/explanation/peers.md. Ratios below 1.3 mean nothing.",
-              transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
-    save(study.folder, figure, "figure_3_peers")
+        if x and x[-1] == sizes[-1]:
+            ends[solver] = y[-1]
+    if len(ends) < 2:
+        return "Time against the candidates"
+    fast, slow = min(ends, key=ends.get), max(ends, key=ends.get)
+    return (f"At Q = {sizes[-1]}: {readable(fast)} takes {short_seconds(ends[fast])}, "
+            f"{readable(slow)} {short_seconds(ends[slow])}, to the same gap")
 
 
 def group_panels(study, experiment):
@@ -266,37 +307,6 @@ def group_panels(study, experiment):
     return [(title, names) for title, names in panels if names]
 
 
-def gap_against_candidates(study):
-    sizes, panels = study.sizes(), group_panels(study, "scaling")
-    if not sizes or not panels:
-        return
-    figure, all_axes = plt.subplots(1, len(panels), figsize=(4.1 * len(panels), 4.9), sharey=True,
-                                    squeeze=False)
-    floor = 1e-16
-    for axes, (title, names) in zip(all_axes[0], panels):
-        axes.set_yscale("log")
-        candidate_axis(axes, sizes)
-        axes.tick_params(axis="x", rotation=60)
-        axes.axhline(study.gap(), color="#444444", lw=0.9, ls=(0, (4, 3)))
-        for solver in names + ["column_generation"]:
-            x, y = study.curve(solver, "checked_gap")
-            plot_curve(axes, x, [max(value, floor) for value in y], solver, label=readable(solver))
-            x, y = study.curve(solver, "checked_gap", solved=False)
-            finite = [(q, value) for q, value in zip(x, y) if math.isfinite(value)]
-            if finite:
-                axes.plot(*zip(*finite), ls="", marker=style_of(solver)[1], mfc="white",
-                          mec=style_of(solver)[0], ms=6, zorder=6)
-        axes.set_title(title)
-        legend_below(axes, -0.30)
-    all_axes[0][0].set_ylabel("duality gap found by the checker")
-    all_axes[0][0].annotate("asked", (sizes[0], study.gap()), textcoords="offset points", xytext=(0, 3),
-                            fontsize=7, color="#444444")
-    figure.suptitle("What was asked is what the checker finds; hollow marks are runs that fell short",
-                    x=0.06, ha="left", fontsize=10.5)
-    figure.subplots_adjust(left=0.06, right=0.99, bottom=0.26, top=0.86, wspace=0.10)
-    save(study.folder, figure, "gap_against_candidates")
-
-
 def trace_of(study, family, solver):
     for row in study.runs:
         if (row["experiment"] == "families" and row["family"] == family and row["solver"] == solver
@@ -304,6 +314,13 @@ def trace_of(study, family, solver):
             points = [(p[0], p[1], p[2]) for p in row["trace"] if p[2] is not None and p[2] > 0]
             return points, row
     return [], None
+
+
+def steps_message(study, families):
+    counts = [len(trace_of(study, family, "column_generation")[0]) for family in families]
+    if not all(counts):
+        return ""
+    return f"Column generation is done after at most {max(counts)} designs: "
 
 
 def gap_against_time(study):
@@ -327,7 +344,8 @@ def gap_against_time(study):
                 best = np.minimum.accumulate([p[2] for p in points])
                 colour, marker, line = style_of(solver)
                 axes.plot(time, np.maximum(best, 1e-12), color=colour, ls=line,
-                          lw=2.2 if solver in HIGHLIGHTS else 1.1, label=readable(solver))
+                          lw=2.2 if solver in HIGHLIGHTS else 1.1)
+                axes.plot([], [], color=colour, ls=line, marker=marker, ms=5, label=readable(solver))
                 axes.plot(time[-1], max(best[-1], 1e-12), marker=marker, color=colour, ms=6,
                           mfc=colour if row["status"] == "solved" else "white")
             seconds_axis(axes, "x")
@@ -342,8 +360,11 @@ def gap_against_time(study):
                 legend_below(axes, -0.42)
     full = next(int(row["candidates"]) for row in study.points_of("families")
                 if row["family"] == families[0])
-    figure.suptitle(f"Gap against time at Q = {full}, best so far; the mark is where a run ended, "
-                    "hollow if short of $10^{-9}$", x=0.06, ha="left", fontsize=10.5)
+    figure.suptitle(f"{steps_message(study, families)}gap against time, Q = {full}",
+                    x=0.06, ha="left", fontsize=10.5, y=0.95)
+    figure.text(0.06, -0.075, "The best gap so far. A mark: where the run ended, hollow if short of $10^{-9}$. Rows: the robot, "
+                f"Wishart matrices (wis), a smooth curve (smo). One run each, {processor(study)}.",
+                fontsize=7.5, color="#555555", va="top")
     figure.subplots_adjust(left=0.06, right=0.99, wspace=0.10, hspace=0.14)
     save(study.folder, figure, "gap_against_time")
 
@@ -357,12 +378,17 @@ def memory_against_candidates(study):
     candidate_axis(axes, sizes)
     floor = 0.1
     labels = []
-    for solver in study.solvers("scaling"):
+    ends = {}
+    present = study.solvers("scaling")
+    chosen = [name for name in present if name in CHOSEN + ("dual_interior_point_sparse", "nlopt_lbfgs")]
+    chosen = chosen or present[:7]
+    for solver in chosen:
         x, y = study.curve(solver, "added_memory_bytes")
         y = [value / 1e6 for value in y]
         if not x:
             continue
         plot_curve(axes, x, [max(value, floor) for value in y], solver)
+        ends[solver] = y[-1]
         weight = "bold" if solver in HIGHLIGHTS else "normal"
         amount = f"{y[-1]:.0f} MB" if y[-1] >= 10 else f"{y[-1]:.1f} MB"
         where = "" if x[-1] == sizes[-1] else f" at Q = {x[-1]}"
@@ -373,14 +399,17 @@ def memory_against_candidates(study):
               ls=(0, (4, 3)))
     labels.append(((sizes[-1], 8e-6 * entries * sizes[-1]), "size of the set itself", "#444444", "normal"))
     axes.set_xlim(sizes[0] * 0.9, sizes[-1] * 1.1)
-    axes.set_ylabel("memory the solve adds, MB")
+    axes.set_ylabel("memory that the solve adds (MB)")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    heaviest = max(labels, key=lambda label: label[0][1])
-    axes.set_title(f"Memory against candidates: most is needed by {heaviest[1].split('  ')[0]}", pad=12)
+    heavy = max(ends, key=ends.get, default="")
+    light = "column_generation" if "column_generation" in ends else min(ends, key=ends.get, default="")
+    axes.set_title(f"{readable(heavy)} adds {ends[heavy]:.0f} MB to the set, {readable(light)} {ends[light]:.1f} MB"
+                   if len(ends) > 1 else "Memory against candidates", pad=12)
     figure.canvas.draw()
     spread_labels(axes, labels, 1.06, minimum=0.036)
     axes.text(0, -0.13, "Peak resident memory of the process less what program, libraries and set took before "
-              "the solve; one process a run. 0.1 MB is the least shown.",
+              "the solve; one process a run. 0.1 MB is the least shown. "
+              f"\n{len(chosen)} of {len(present)} solvers; {medians(study, 'scaling')}.",
               transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study.folder, figure, "memory_against_candidates")
 
@@ -408,7 +437,7 @@ def passes_per_family(study):
                 if passes is not None:
                     grid[i, j] = max(passes, 0.1)
                 label = short_number(passes) if passes is not None else ("–" if tried else "")
-                dark = passes is not None and passes > 300
+                dark = passes is not None and norm(passes) > 0.45
                 axes.text(j, i, label, ha="center", va="center", fontsize=6.5,
                           color="white" if dark else "#222222")
         image = axes.imshow(grid, norm=norm, cmap="cividis_r", aspect="auto")
@@ -422,9 +451,23 @@ def passes_per_family(study):
     bar = figure.colorbar(image, ax=all_axes, pad=0.01, fraction=0.02)
     bar.ax.tick_params(labelsize=7)
     largest = max(int(row["candidates"]) for row in study.points_of("families"))
-    figure.suptitle(f"Passes over the set that each method needs, Q up to {largest} "
-                    "(– not reached in the time given; empty: not run)", x=0.01, ha="left", fontsize=10.5)
+    figure.suptitle("Column generation reads the set fewer than five times, whatever the family and the gap"
+                    if is_least(value, solvers, families) else "Passes over the set that each method needs",
+                    x=0.01, ha="left", fontsize=10.5)
+    figure.text(0.01, -0.02, f"Passes over the set, Q up to {largest}. –: not reached in the time given; empty: not run. Families: robot; "
+                "rob, log-normal Wishart; wis, Wishart; flat, nearly equal; smo and smr6, smooth curves (full rank, rank 6);\n"
+                "r1g, rank one, Gaussian; cube3, a quadratic on a grid, many ties; dup, with copies.",
+                fontsize=7.5, color="#555555", va="top")
     save(study.folder, figure, "passes_per_family")
+
+
+def is_least(value, solvers, families):
+    """Does column generation need the fewest passes in every cell, and less than five?"""
+    shown = {key: passes for key, passes in value.items()
+             if key[0] in solvers and key[1] in families and key[2] in ("1e-3", "1e-6", "1e-9")}
+    first = {key[1:]: passes for key, passes in shown.items() if key[0] == "column_generation"}
+    return bool(first) and max(first.values()) < 5 and all(
+        passes >= first.get(key[1:], 0) for key, passes in shown.items())
 
 
 def short_number(value):
@@ -445,81 +488,50 @@ def profile_table(study):
     return instances, solvers, times
 
 
+def profile_area(rows, solver, largest):
+    """Steps (tau, share) of a profile and the area below it over log tau: more is better."""
+    steps = [(float(row["tau"]), float(row["share"])) for row in rows if row["solver"] == solver]
+    if not steps:
+        return None
+    x = [1.0] + [tau for tau, _ in steps] + [largest]
+    y = [0.0] + [share for _, share in steps] + [steps[-1][1]]
+    return sum((math.log(b) - math.log(a)) * share for a, b, share in zip(x, x[1:], y[1:])), x, y
+
+
 def performance_profile(study):
     rows = study.table("performance_profile")
     instances, solvers, _ = profile_table(study)
     if not rows:
         return
-    figure, axes = plt.subplots(figsize=(8.8, 5.6))
-    axes.set_xscale("log")
     largest = max(float(row["tau"]) for row in rows) * 1.5
-    labels = []
-    for solver in solvers:
-        steps = [(float(row["tau"]), float(row["share"])) for row in rows if row["solver"] == solver]
-        if not steps:
-            continue
+    profiles = {solver: profile_area(rows, solver, largest) for solver in solvers}
+    ranked = sorted((name for name in solvers if profiles[name]), key=lambda name: -profiles[name][0])
+    papers = [name for name in ranked if name in HIGHLIGHTS]
+    chosen = sorted(papers + [name for name in ranked if name not in papers][:8 - len(papers)], key=ranked.index)
+    figure, axes = plt.subplots(figsize=(7.6, 4.6))
+    axes.set_xscale("log")
+    for solver in chosen:
         colour, _, line = style_of(solver)
-        x = [1.0] + [tau for tau, _ in steps] + [largest]
-        y = [0.0] + [share for _, share in steps] + [steps[-1][1]]
         heavy = solver in HIGHLIGHTS
-        axes.step(x, y, where="post", color=colour, ls=line, lw=2.4 if heavy else 1.2,
-                  alpha=1 if heavy else 0.8, zorder=5 if heavy else 3)
-        area = sum((math.log(b) - math.log(a)) * share for a, b, share in zip(x, x[1:], y[1:]))
-        labels.append((area, ((largest, y[-1]), f"{readable(solver)}  {100 * y[-1]:.0f} %", colour,
-                              "bold" if heavy else "normal")))
+        _, x, y = profiles[solver]
+        axes.step(x, y, where="post", color=colour, ls=line, lw=2.4 if heavy else 1.4, zorder=5 if heavy else 3,
+                  label=readable(solver))
     axes.set_xlim(1, largest)
     axes.set_ylim(0, 1.02)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f} %"))
     axes.set_xlabel("factor by which the method may be slower than the fastest on the instance")
     axes.set_ylabel("share of instances solved to $10^{-6}$")
-    fastest = max(solvers, key=lambda name: max(
-        [float(row["share"]) for row in rows if row["solver"] == name and float(row["tau"]) == 1.0],
-        default=0))
-    axes.set_title(f"Performance profiles over {len(instances)} instances: {readable(fastest)} "
-                   "is fastest most often", pad=12)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), title="best first", title_fontsize=8)
+    share = {row["solver"]: float(row["share"]) for row in rows if float(row["tau"]) == 1.0}
+    fastest = max(share, key=share.get) if share else ranked[0]
+    axes.set_title(f"{readable(fastest)} is fastest on {100 * share.get(fastest, 0):.0f} % of {len(instances)} instances", pad=12)
     nested = sum(1 for instance in instances if str(instance).startswith("robot/"))
+    text = f"{len(chosen)} of {len(ranked)} solvers: the paper's forms, and the best of the others; {processor(study)}."
     if nested > 1:
-        axes.text(0, -0.13, f"Not independent: {nested} of the instances are nested subsets of one robot's positions.",
-                  transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
-    figure.canvas.draw()
-    labels.sort(key=lambda label: label[0])  # the better profile stands above where shares tie
-    spread_labels(axes, [label for _, label in labels], 1.05, minimum=0.043)
+        text += f"\nNot independent: {nested} of the instances are nested subsets of one robot's positions."
+    axes.text(0, -0.16, text, transform=axes.transAxes, fontsize=7.5, color="#555555", va="top")
     save(study.folder, figure, "performance_profile")
-
-
-def pairwise_profile(study):
-    """Profiles depend on who takes part; who beats whom does not."""
-    instances, solvers, times = profile_table(study)
-    if len(solvers) < 2:
-        return
-    size = len(solvers)
-    grid = np.full((size, size), np.nan)
-    for i, one in enumerate(solvers):
-        for j, other in enumerate(solvers):
-            pairs = [(times.get((one, name), math.inf), times.get((other, name), math.inf))
-                     for name in instances]
-            decided = [(a, b) for a, b in pairs if math.isfinite(min(a, b))]
-            if i != j and decided:
-                grid[i, j] = sum(a < b for a, b in decided) / len(decided)
-    figure, axes = plt.subplots(figsize=(0.42 * size + 3.6, 0.36 * size + 2.4), layout="constrained")
-    image = axes.imshow(grid, vmin=0, vmax=1, cmap="cividis_r", aspect="auto")
-    for i in range(size):
-        for j in range(size):
-            if not math.isnan(grid[i, j]):
-                axes.text(j, i, f"{100 * grid[i, j]:.0f}", ha="center", va="center", fontsize=7,
-                          color="white" if grid[i, j] > 0.6 else "#222222")
-    axes.grid(False)
-    names = [readable(name) for name in solvers]
-    axes.set_xticks(range(size), names, rotation=55, ha="right", fontsize=8)
-    axes.set_yticks(range(size), names, fontsize=8)
-    axes.tick_params(length=0)
-    for side in axes.spines.values():
-        side.set_visible(False)
-    bar = figure.colorbar(image, ax=axes, fraction=0.04, pad=0.02)
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f} %"))
-    axes.set_title(f"Row beats column on this share (%) of {len(instances)} instances, gap $10^{{-6}}$")
-    save(study.folder, figure, "pairwise_profile")
 
 
 def short_seconds(value):
@@ -574,52 +586,10 @@ def own_sets(study):
     save(study.folder, figure, "own_sets")
 
 
-def normalisation(study):
-    points = study.points_of("normalisation")
-    families = list(dict.fromkeys(row["family"] for row in points))
-    if not families:
-        return
-    sizes = study.sizes("normalisation")
-    figure, all_axes = plt.subplots(1, len(families), sharey=True, squeeze=False,
-                                    figsize=(4.6 * len(families), 3.9))
-    titles = {"robot": "robot", "robot_units": "the same, parameters in units twelve decades apart"}
-    for axes, family in zip(all_axes[0], families):
-        axes.set_yscale("log")
-        candidate_axis(axes, sizes)
-        axes.tick_params(axis="x", rotation=60)
-        axes.axhline(study.gap("normalisation"), color="#444444", lw=0.9, ls=(0, (4, 3)))
-        for solver in study.solvers("normalisation"):
-            rows = sorted((int(row["candidates"]), number(row["checked_gap"]), row["status"])
-                          for row in points if row["solver"] == solver and row["family"] == family)
-            text = "dual as written" if solver.endswith("unscaled") else "whitened, rows scaled"
-            ceiling = 1e3  # stands for a gap that is infinite: no design, or a singular one
-            x = [row[0] for row in rows]
-            y = [min(max(row[1], 1e-16), ceiling) for row in rows]
-            plot_curve(axes, x, y, solver, highlight=True, label=text)
-            short = [(q, gap) for q, gap, row in zip(x, y, rows) if row[2] != "solved"]
-            if short:
-                axes.plot(*zip(*short), ls="", marker=style_of(solver)[1], mfc="white",
-                          mec=style_of(solver)[0], ms=7, zorder=6)
-        axes.set_title(titles.get(family, family), fontsize=9)
-    all_axes[0][0].set_ylabel("duality gap found by the checker")
-    all_axes[0][0].annotate("asked", (sizes[0], study.gap("normalisation")), xytext=(0, 3),
-                            textcoords="offset points", fontsize=7, color="#444444")
-    all_axes[0][-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle("Scaling decides only where units differ: as written, the dual interior point then falls short (hollow)",
-                    x=0.06, ha="left", fontsize=10.5)
-    figure.subplots_adjust(left=0.06, right=0.99, top=0.84, wspace=0.08)
-    save(study.folder, figure, "normalisation")
-
-
-if __name__ == "__main__":
-    main()
-
-
 def draw(folder):
     if not (folder / "rows.jsonl").exists():
         return
     study = Study(folder)
-    for figure in (figure_3, figure_3_peers, gap_against_candidates, gap_against_time,
-                   memory_against_candidates, passes_per_family, performance_profile,
-                   pairwise_profile, own_sets, normalisation):
+    for figure in (figure_3, figure_3_all, gap_against_time, memory_against_candidates, passes_per_family,
+                   performance_profile, own_sets):
         figure(study)

@@ -11,9 +11,13 @@ import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.container import BarContainer  # noqa: E402
 from matplotlib.ticker import FuncFormatter  # noqa: E402
 
-# Colours that colour-blind readers can tell apart (Okabe and Ito 2008).
+# Colours near those of Okabe and Ito (2008), moved until any two are 21 or more apart (CIE76) in normal, deuteranope
+# and protanope sight, and each has a contrast of 3 or more on white (tests/figure_style_test.py).
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
-    "#000000", "#D98E00", "#3A9BD9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#777777")
+    "#000000", "#D57F01", "#3498DA", "#24A36B", "#2358A5", "#B34000", "#CE78A6", "#646464")
+COLOURS = (BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY)
+
+ASSUMED = "IRB 6600-like robot; its stiffness, damping, motors and controller are assumed."
 
 plt.rcParams.update({
     "font.size": 9,
@@ -70,6 +74,32 @@ def refuse_unbounded_exponents(figure):
                 raise ValueError(f"'{title}' claims an exponent without an interval of ±{LARGEST_HALF_INTERVAL} or less")
 
 
+# Curves of one panel that a reader can tell apart.
+MOST_CURVES = 8
+
+
+def refuse_crowds(figure):
+    """At most MOST_CURVES looks (colour, line, mark) among the curves of a panel."""
+    for axes in figure.axes:
+        looks = {(line.get_color(), line.get_linestyle(), line.get_marker())
+                 for line in axes.get_lines() if len(line.get_xdata()) > 2}
+        if len(looks) > MOST_CURVES:
+            raise ValueError(f"{len(looks)} kinds of curves in a panel; {MOST_CURVES} can be told apart")
+
+
+def refuse_brackets(figure):
+    """Units stand in round brackets on every axis, as in 'frequency (Hz)'."""
+    for axes in figure.axes:
+        for label in (axes.get_xlabel(), axes.get_ylabel()):
+            if "[" in label.replace("$[", ""):
+                raise ValueError(f"'{label}': write the unit in round brackets")
+
+
+def note(figure, text, y=0.0, x=0.01):
+    """What was measured, on what and how often, below the figure."""
+    figure.text(x, y, text, fontsize=7.5, color="#555555", va="top")
+
+
 def dots(axes, places, values, colour, label=None, marker="o"):
     """What bars would show, on an axis without zero; each dot hangs on a thin line across the axes."""
     for place in places:
@@ -81,6 +111,8 @@ def save(folder, figure, name):
     """Writes FOLDER/figures/NAME.svg and .png; the same data give the same bytes."""
     refuse_bars_without_zero(figure)
     refuse_unbounded_exponents(figure)
+    refuse_crowds(figure)
+    refuse_brackets(figure)
     target = folder / "figures"
     target.mkdir(exist_ok=True)
     for suffix, options in (("svg", {"metadata": {"Date": None}}), ("png", {"dpi": 150})):

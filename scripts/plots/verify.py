@@ -2,7 +2,7 @@
 
 import matplotlib.pyplot as plt
 
-from style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, read_table, save
+from style import ASSUMED, BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, note, read_table, save
 
 DATA = (("responses", BLUE, "o"), ("recordings", ORANGE, "s"))
 
@@ -21,7 +21,7 @@ def interval(axes, y, row, names, colour, marker, label=None):
 def parameter_axis(axes, labels):
     axes.set_yticks(range(len(labels)))
     axes.set_yticklabels(labels)
-    axes.set_ylim(len(labels) - 0.4, -1.7)  # room for the legend
+    axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
 
 
@@ -50,7 +50,7 @@ def efficiency_panel(axes, covariance, parameters, design):
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance of the estimates over the predicted one, 95 % intervals")
     axes.set_title("How the estimates scatter")
-    axes.legend(fontsize=7.5, loc="upper right", ncols=2)
+    axes.legend(fontsize=7.5, loc="upper right", bbox_to_anchor=(1.0, -0.12), ncols=2)
 
 
 def gain_panel(axes, ratios, design):
@@ -77,7 +77,7 @@ def gain_panel(axes, ratios, design):
     parameter_axis(axes, labels)
     axes.set_xlabel("covariance in the best single position over that of the design")
     axes.set_title("The design pays what it promises")
-    axes.legend(fontsize=7.5, loc="upper right", ncols=3)
+    axes.legend(fontsize=7.5, loc="upper right", bbox_to_anchor=(1.0, -0.12), ncols=3)
 
 
 def scatter_panel(axes, estimates):
@@ -85,18 +85,20 @@ def scatter_panel(axes, estimates):
     x, y = names[0], names[1]
     colours = {"best_single_position": VERMILION, "random_positions": GREY}
     designs = list(dict.fromkeys(row["design"] for row in estimates))
+    of = {design: [row for row in estimates if row["design"] == design and row["data"] == "responses"] for design in designs}
+    fewest = min(len(rows) for rows in of.values())
     for design in reversed(designs):  # the design itself on top
         colour = colours.get(design, GREEN)
-        rows = [row for row in estimates if row["design"] == design and row["data"] == "responses"]
+        rows = of[design][:fewest]  # as many of each
         axes.plot([100 * (float(row[x]) - 1) for row in rows], [100 * (float(row[y]) - 1) for row in rows],
-                  ".", ms=2.5, color=colour, alpha=0.6, label=design.replace("_", " "))
+                  ".", ms=3.5, color=colour, alpha=0.7, label=design.replace("_", " "))
     axes.axhline(0, color=BLACK, lw=0.6)
     axes.axvline(0, color=BLACK, lw=0.6)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"{readable(x)}: estimate − truth [%]")
-    axes.set_ylabel(f"{readable(y)}: estimate − truth [%]")
-    axes.set_title("Same number of experiments, other positions")
-    axes.legend(fontsize=7.5, markerscale=4)
+    axes.set_xlabel(f"{readable(x)}: estimate − truth (%)")
+    axes.set_ylabel(f"{readable(y)}: estimate − truth (%)")
+    axes.set_title(f"Same number of experiments: {fewest} fits each")
+    axes.legend(fontsize=7.5, markerscale=3)
 
 
 def draw(folder):
@@ -112,4 +114,5 @@ def draw(folder):
     gain_panel(panels[1], ratios, "best_single_position")
     scatter_panel(panels[2], estimates)
     figure.tight_layout(w_pad=2)
+    note(figure, ASSUMED + " 95 % intervals.", y=0.02)
     save(folder, figure, "verified_design")

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/study/environment.hpp"
 #include "bench/study/process.hpp"
 #include "bench/study/row_file.hpp"
 #include "bench/study/run_row.hpp"
@@ -421,6 +422,20 @@ TEST_F(Study, WritesItsTablesAndSummary) {
   EXPECT_NE(summary.find("claimed_but_wrong"), std::string::npos);
   EXPECT_NE(summary.find("processor"), std::string::npos);
   EXPECT_EQ(text(options_.output / "summary.md"), summary);
+}
+
+TEST(Environment, IsToldInWords) {
+  const nlohmann::json found = {{"caches", {"L1 32K", "L2 512K"}},
+                                {"memory", "24684092 kB"},
+                                {"cores", 2},
+                                {"date", "2026-11-21T08:40:01Z"},
+                                {"system", "Debian"}};
+  EXPECT_EQ(environment_words(found, "caches"), "L1 32K, L2 512K");
+  EXPECT_EQ(environment_words(found, "memory"), "25.3 GB");  // 24684092 * 1024 bytes
+  EXPECT_EQ(environment_words(found, "cores"), "2");
+  EXPECT_EQ(environment_words(found, "system"), "Debian");
+  EXPECT_EQ(environment_words(found, "date"), "2026-11-21T08:40:01Z");
+  EXPECT_EQ(environment_words(found, "load"), "unknown");
 }
 
 // Lines that are no rows, however they came to be: they count, and the first is named.

@@ -289,6 +289,23 @@ TEST_F(FrontDoor, CtrlCIsAnsweredInWords) {
   EXPECT_EQ(folder_.file_count(), 0U);
 }
 
+// What one has is a URDF and a log; a file of fields is asked for.
+TEST_F(FrontDoor, UrdfAndTableAreToldWhatMakesAModelOfThem) {
+  write_text(folder_.file("arm.urdf"), "<?xml version=\"1.0\"?>\n<robot name=\"arm\"/>\n");
+  write_text(folder_.file("log.csv"), "t,speed\n0,1\n0.1,2\n");
+  const Outcome urdf =
+      graybox("diagnose arm.urdf '" GRAYBOX_SOURCE_DIR "/docs/examples/fit/drive'");
+  EXPECT_EQ(urdf.exit_code, 2);
+  EXPECT_NE(urdf.err.find("arm.urdf: is XML, as a URDF; 'graybox model arm.urdf LOG.csv'"),
+            std::string::npos)
+      << urdf.err;
+  const Outcome table = graybox("recordings log.csv");
+  EXPECT_EQ(table.exit_code, 2);
+  EXPECT_NE(table.err.find("log.csv: is a table of data; 'graybox model log.csv'"),
+            std::string::npos)
+      << table.err;
+}
+
 TEST_F(FrontDoor, ColoursAreForTerminalsAlone) {
   ASSERT_EQ(graybox("problem random --family wis --candidates 3000 -o set.h5").exit_code, 0);
   const std::string drive = std::string(GRAYBOX_SOURCE_DIR) + "/docs/examples/fit/drive";
