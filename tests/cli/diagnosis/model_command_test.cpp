@@ -258,7 +258,6 @@ TEST_F(Model, OptionsThatContradictOrChangeNothingAreRefused) {
            {"--base link_0", "--base: names a link of a URDF"},
            {urdf + "--linear", "--linear and --rotary: not beside a URDF"},
            {urdf + "--two-masses", "--one-mass and --two-masses: not beside a URDF"},
-           {urdf + "--counts-per-turn 4096", "--counts-per-turn: not beside a URDF"},
            {urdf + "--gain 2", "--gain: not beside a URDF"}}) {
     expect_refused("model log.csv -o refused " + options, text);
     EXPECT_FALSE(is_there("refused")) << options;

@@ -815,7 +815,7 @@ TEST_F(LogDoubts, AWrongStampIsMendedAndTold) {
         "stamps.csv", {{"time [s]", times}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
     const ModelProposal proposal = written({file});
     EXPECT_NE(
-        notes_of(proposal).find(fmt::format("'time [s]' of row 301: {:.10g} is 1 too {}: read "
+        notes_of(proposal).find(fmt::format("'time' of row 301: {:.10g} is 1 too {}: read "
                                             "as 3",
                                             3.0 + off, off < 0.0 ? "early" : "late")),
         std::string::npos)
