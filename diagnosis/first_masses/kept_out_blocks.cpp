@@ -282,7 +282,8 @@ KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Index lost) {
     Added added = added_by(axes[k].drive, axes[k].position, false);
     if (!(added.motion.sum() > 0.0) || !(added.drive.sum() > 0.0)) continue;
     const std::string reason = reason_against_halves(added);
-    if (reason.empty()) ++alike;
+    // By what blocks are held against.
+    if (reason.empty() && fairly_told(added, 2) >= kNothing) ++alike;
     if (!reason.empty() && split.reason.empty()) {
       split.reason = reason;
       split.axis = k;
