@@ -51,8 +51,6 @@ void require_applicable(const Arguments& arguments, const ProposalRequest& reque
              "--one-mass and --two-masses: not beside a URDF, which says what moves"},
         Rule{arguments.linear || arguments.rotary, false,
              "--linear and --rotary: not beside a URDF, which says how its joints move"},
-        Rule{request.counts_per_turn.has_value(), false,
-             "--counts-per-turn: not beside a URDF: state positions in rad or deg"},
         Rule{request.no_drive, false, "--no-drive: not beside a URDF: its joints have drives"},
         Rule{request.gain.has_value(), false,
              "--gain: not beside a URDF: each drive's gain is estimated, or stands in "

@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace graybox {
@@ -113,11 +114,19 @@ double told_by_each(const Added& added, Index blocks) {
   return std::max(0.0, std::min(least(fitted), least(kept)));
 }
 
+bool goes_both_ways(const Added& added) {
+  const double forwards = added.forwards.sum(), backwards = added.backwards.sum();
+  return std::min(forwards, backwards) >= kShare * (forwards + backwards);
+}
+
+bool has_both_ways_in_each(const Added& added, Index blocks, double share) {
+  return Shares(added.forwards, blocks).have_each(share) &&
+         Shares(added.backwards, blocks).have_each(share);
+}
+
 // There in one half and back in the other: friction and a constant force are one thing in each.
 bool turns_between_halves(const Added& added) {
-  const double forwards = added.forwards.sum(), backwards = added.backwards.sum();
-  if (std::min(forwards, backwards) < kShare * (forwards + backwards)) return false;
-  return !Shares(added.forwards, 2).have_each(kNothing) &&
+  return goes_both_ways(added) && !Shares(added.forwards, 2).have_each(kNothing) &&
          !Shares(added.backwards, 2).have_each(kNothing);
 }
 
@@ -181,7 +190,11 @@ std::string reason_against_halves(const Added& added) {
   if (const int still = still_half(added.place); still != 0) {
     return still > 0 ? "nothing moves in the second half" : "nothing moves in the first half";
   }
-  return told_by_each(added, 2) < kNothing ? "starts and stops are in one half" : "";
+  if (told_by_each(added, 2) >= kNothing) return "";
+  const bool turns = goes_both_ways(added);
+  if (turns && !has_both_ways_in_each(added, 2, kNothing))
+    return "the axis goes one way in one half";
+  return "starts and stops are in one half";
 }
 
 struct SplitTrial {
@@ -189,23 +202,59 @@ struct SplitTrial {
   double told = 0.0;
 };
 
+// What both roles tell of an axis where both have their share of all; below kNothing elsewhere.
+double fairly_told(const Added& added, Index blocks) {
+  if (!Shares(added.drive, blocks).have_each(kShare)) return 0.0;
+  if (!Shares(added.motion, blocks).have_each(kShare)) return 0.0;
+  if (!have_ways(added.place, blocks)) return 0.0;
+  if (turns_between_halves(added) && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
+  if (is_chirp(added.crossings) && !are_alike(added.crossings, blocks)) return 0.0;
+  return told_by_each(added, blocks);
+}
+
 // Numbers of blocks, rising, of which both roles have their share of all.
 std::vector<SplitTrial> fair_splits(const Added& added) {
-  const bool by_frequency = is_chirp(added.crossings), by_way = turns_between_halves(added);
   std::vector<SplitTrial> trials;
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
     if (added.drive.size() / blocks < kFewestOfBlock) break;
-    if (!Shares(added.drive, blocks).have_each(kShare)) continue;
-    if (!Shares(added.motion, blocks).have_each(kShare)) continue;
-    if (!have_ways(added.place, blocks)) continue;
-    const bool has_both_ways = Shares(added.forwards, blocks).have_each(kShare) &&
-                               Shares(added.backwards, blocks).have_each(kShare);
-    if (by_way && !has_both_ways) continue;
-    if (by_frequency && !are_alike(added.crossings, blocks)) continue;
-    const double told = told_by_each(added, blocks);
+    const double told = fairly_told(added, blocks);
     if (told >= kNothing) trials.push_back({blocks, told});
   }
   return trials;
+}
+
+// The fewest blocks that tell a quarter of what the best do; 2 where there are none.
+Index fewest_blocks(const std::vector<SplitTrial>& trials) {
+  const auto best = std::ranges::max_element(trials, {}, &SplitTrial::told);
+  for (const SplitTrial& trial : trials) {
+    if (trial.told >= kEnough * best->told) return trial.blocks;
+  }
+  return 2;
+}
+
+// Whether enough of the fit's samples are left behind a filter, also beside what halves leave.
+bool leaves_enough(Index samples, Index blocks, Index lost) {
+  constexpr double kFewestOfFit = 50.0, kOfHalves = 0.6;
+  const auto left = [&](Index count) { return 0.5 * static_cast<double>(samples - count * lost); };
+  return samples / blocks >= kFewestOfBlock && left(blocks) >= kFewestOfFit &&
+         left(blocks) >= kOfHalves * left(2);
+}
+
+// How many axes have their share, and the least that is told of one of them.
+struct SharedSplit {
+  std::size_t axes = 0;
+  SplitTrial trial;
+};
+
+SharedSplit shared_split(const std::vector<Added>& axes, Index blocks) {
+  SharedSplit split{0, {blocks, 1.0}};
+  for (const Added& axis : axes) {
+    const double told = fairly_told(axis, blocks);
+    if (told < kNothing) continue;
+    ++split.axes;
+    split.trial.told = std::min(split.trial.told, told);
+  }
+  return split;
 }
 
 }  // namespace
@@ -219,12 +268,41 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   if (split.reason.empty()) return split;
   const std::vector<SplitTrial> trials = fair_splits(added);
   split.is_fair = !trials.empty();
-  const auto best = std::ranges::max_element(trials, {}, &SplitTrial::told);
-  for (const SplitTrial& trial : trials) {
-    if (trial.told < kEnough * best->told) continue;
-    split.count = trial.blocks;
-    break;
+  split.count = fewest_blocks(trials);
+  return split;
+}
+
+KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Index lost) {
+  KeptOutBlocks split;
+  std::vector<Added> moving;
+  std::size_t alike = 0;
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    const Index n = axes[k].drive.size();
+    if (n != axes[k].position.size() || n < 2 * kFewestOfBlock) continue;
+    Added added = added_by(axes[k].drive, axes[k].position, false);
+    if (!(added.motion.sum() > 0.0) || !(added.drive.sum() > 0.0)) continue;
+    const std::string reason = reason_against_halves(added);
+    // By what blocks are held against.
+    if (reason.empty() && fairly_told(added, 2) >= kNothing) ++alike;
+    if (!reason.empty() && split.reason.empty()) {
+      split.reason = reason;
+      split.axis = k;
+    }
+    moving.push_back(std::move(added));
   }
+  if (split.reason.empty()) return split;
+  std::size_t most = alike;
+  std::vector<SplitTrial> trials;
+  for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
+    if (!leaves_enough(moving.front().drive.size(), blocks, lost)) break;
+    const SharedSplit shared = shared_split(moving, blocks);
+    if (shared.axes > most) trials.clear();
+    if (shared.axes < most || shared.axes == alike) continue;
+    most = shared.axes;
+    trials.push_back(shared.trial);
+  }
+  split.is_fair = !trials.empty();
+  split.count = fewest_blocks(trials);
   return split;
 }
 

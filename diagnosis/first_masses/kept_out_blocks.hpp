@@ -15,12 +15,17 @@
 // log tells. The fewest blocks are taken that tell a quarter of what the best do.
 // Cost: O(n) for each number of blocks.
 //
+// Several axes in one log, as a robot's, are split together: into as few blocks as give most axes
+// their share, where that is more of them than halves do. Else halves stay.
+//
 //   const KeptOutBlocks split = kept_out_blocks(drive, position, false);
 //   if (!split.reason.empty()) use(split.count);
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <string>
+#include <vector>
 
 namespace graybox {
 
@@ -28,10 +33,18 @@ struct KeptOutBlocks {
   Eigen::Index count = 2;  // of equal length, the first in the fit
   std::string reason;      // why no halves; empty: halves
   bool is_fair = true;     // false: no number of blocks gives both their share; count is 2
+  std::size_t axis = 0;    // of several: the first whose halves are not alike
+};
+
+struct DrivenAxis {
+  Eigen::VectorXd drive, position;  // without gaps
 };
 
 // Drive and motion of what is to be split, without gaps.
 [[nodiscard]] KeptOutBlocks kept_out_blocks(const Eigen::VectorXd& drive,
                                             const Eigen::VectorXd& motion, bool is_velocity);
+
+// `lost`: samples that a filter takes from each block.
+[[nodiscard]] KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Eigen::Index lost);
 
 }  // namespace graybox

@@ -597,9 +597,11 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   data.estimation = rows_of(std::move(fitted), std::move(fitted_names), robot, columns);
   data.validation = rows_of(std::move(held_out), std::move(held_out_names), robot, columns);
   if (data.estimation.samples() < kFewestSamples) {
-    throw InputError(fmt::format("{}: {} samples for estimation; a diagnosis needs {}",
-                                 campaign.file.string(), data.estimation.samples(),
-                                 kFewestSamples));
+    throw InputError(fmt::format(
+        "{}: {} samples for estimation, after those at the ends of each part that the filter "
+        "takes; a diagnosis needs {}: record longer, give the log at its full rate, or give the "
+        "fit more of it (segments; role: validation on less)",
+        campaign.file.string(), data.estimation.samples(), kFewestSamples));
   }
   for (const RobotJoint& joint : robot.joints) {
     data.coordinates.push_back({joint.name, units_of(joint)});

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace graybox {
 namespace {
@@ -86,9 +89,13 @@ Numbering numbering_of(const LogRecording& recording, std::size_t joints) {
   return {first, first <= 1 && count <= joints};
 }
 
+bool is_answered(const ColumnFamily::Columns::value_type& each) { return each.second->answered; }
+
+// By a column that the user did not name, if there is one.
 int manner(const ColumnFamily& family) {
-  const LogColumn& column = *family.columns.begin()->second;
-  if (column.answered) return -100;
+  const auto own = std::ranges::find_if_not(family.columns, is_answered);
+  if (own == family.columns.end()) return -100;
+  const LogColumn& column = *own->second;
   int rank = column.words.sure ? 0 : 50;
   if (column.words.is_reference && column.words.quantity != LogQuantity::kCommand) rank += 20;
   if (column.words.is_measured) rank -= 2;
@@ -97,13 +104,12 @@ int manner(const ColumnFamily& family) {
 }
 
 template <class Rank>
-std::vector<const ColumnFamily*> best_of(const std::vector<const ColumnFamily*>& families,
-                                         const Rank& rank) {
+std::vector<ColumnFamily> best_of(const std::vector<ColumnFamily>& families, const Rank& rank) {
   int least = std::numeric_limits<int>::max();
-  for (const ColumnFamily* family : families) least = std::min(least, rank(*family));
-  std::vector<const ColumnFamily*> best;
-  for (const ColumnFamily* family : families) {
-    if (rank(*family) == least) best.push_back(family);
+  for (const ColumnFamily& family : families) least = std::min(least, rank(family));
+  std::vector<ColumnFamily> best;
+  for (const ColumnFamily& family : families) {
+    if (rank(family) == least) best.push_back(family);
   }
   return best;
 }
@@ -115,6 +121,76 @@ int rank_of_drive(LogQuantity quantity) {
 }
 
 int fewer_joints(const ColumnFamily& family) { return -static_cast<int>(family.columns.size()); }
+
+// The best of a list, each with what the user named. What was named alone wins where no other
+// family has more joints.
+template <class Rank>
+std::vector<ColumnFamily> best_with_answers(const std::vector<ColumnFamily>& list,
+                                            const Rank& rank) {
+  std::vector<ColumnFamily> own;
+  std::optional<ColumnFamily> named;
+  for (const ColumnFamily& family : list) {
+    ColumnFamily answered = family;
+    std::erase_if(answered.columns, std::not_fn(is_answered));
+    if (answered.columns.size() < family.columns.size()) own.push_back(family);
+    if (answered.columns.empty()) continue;
+    if (!named) named = answered;
+    for (const auto& [joint, column] : answered.columns) {
+      named->columns.try_emplace(joint, column);
+    }
+  }
+  if (!named) return best_of(best_of(own, rank), fewer_joints);
+  std::vector<ColumnFamily> best = best_of(own, rank);
+  for (ColumnFamily& family : best) {
+    for (const auto& [joint, column] : named->columns) {
+      family.columns.insert_or_assign(joint, column);
+    }
+  }
+  best = best_of(best, fewer_joints);
+  const bool adds = !best.empty() && best.front().columns.size() > named->columns.size();
+  return adds ? best : std::vector<ColumnFamily>{*named};
+}
+
+// Places in a title that the joint's name takes, so that the rest has the other words: (0, 0) where
+// it is not there in one piece.
+std::pair<std::size_t, std::size_t> place_of_joint(const std::string& title, const Words& joint) {
+  constexpr std::size_t kLongestTitle = 200, kMostSigns = 8;
+  const Words all = words_of(title);
+  std::size_t letters = 0;
+  for (const std::string& word : joint) letters += word.size();
+  if (title.size() > kLongestTitle || letters == 0) return {0, 0};
+  for (std::size_t from = 0; from + letters <= title.size(); ++from) {
+    const Words before = words_of(title.substr(0, from));
+    for (std::size_t size = letters; size <= letters + kMostSigns && from + size <= title.size();
+         ++size) {
+      if (words_of(title.substr(from, size)) != joint) continue;
+      Words parts = before;
+      parts.insert(parts.end(), joint.begin(), joint.end());
+      const Words behind = words_of(title.substr(from + size));
+      parts.insert(parts.end(), behind.begin(), behind.end());
+      if (parts == all) return {from, size};
+    }
+  }
+  return {0, 0};
+}
+
+// The words of a title without its joint, or of the file that it stands in.
+ColumnWords words_beside(const LogColumn& column, const Words& joint,
+                         const std::filesystem::path& file) {
+  const auto [from, size] = place_of_joint(column.name, joint);
+  if (size == 0) return column.words;
+  std::string rest = column.name;
+  ColumnWords words = read_column_words(rest.replace(from, size, " "), column.stated_unit);
+  if (words.quantity != LogQuantity::kUnknown) return words;
+  const ColumnWords of_file = read_column_words(file.stem().string(), "");
+  const bool tells = of_file.sure && of_file.quantity != LogQuantity::kOther &&
+                     of_file.quantity != LogQuantity::kTime;
+  if (!tells) return column.words;
+  words.quantity = of_file.quantity;
+  words.motion = of_file.motion;
+  words.sure = true;
+  return words;
+}
 
 }  // namespace
 
@@ -147,26 +223,40 @@ std::vector<ColumnFamily> column_families(const LogRecording& recording,
   return families;
 }
 
-std::vector<const ColumnFamily*> families_of(const std::vector<ColumnFamily>& families,
-                                             LogQuantity quantity) {
-  std::vector<const ColumnFamily*> list;
-  for (const ColumnFamily& family : families) {
-    if (family.quantity == quantity) list.push_back(&family);
+void read_beside_joints(const std::vector<UrdfJoint>& joints, LogRecording& recording) {
+  for (LogColumn& column : recording.columns) {
+    const bool is_time = column.words.quantity == LogQuantity::kTime && !column.origin.empty();
+    if (column.answered || is_time) continue;
+    const std::optional<std::size_t> joint = joint_by_name(column, joints);
+    if (!joint) continue;
+    ColumnWords words =
+        words_beside(column, words_of_joint(joints[*joint].name), recording.files[column.file]);
+    words.index = column.words.index;
+    column.values *= words.unit_factor / column.words.unit_factor;
+    column.words = words;
   }
-  return best_of(best_of(list, manner), fewer_joints);
 }
 
-std::vector<const ColumnFamily*> families_of_drive(const std::vector<ColumnFamily>& families) {
-  std::vector<const ColumnFamily*> list;
+std::vector<ColumnFamily> families_of(const std::vector<ColumnFamily>& families,
+                                      LogQuantity quantity) {
+  std::vector<ColumnFamily> list;
+  for (const ColumnFamily& family : families) {
+    if (family.quantity == quantity) list.push_back(family);
+  }
+  return best_with_answers(list, manner);
+}
+
+std::vector<ColumnFamily> families_of_drive(const std::vector<ColumnFamily>& families) {
+  std::vector<ColumnFamily> list;
   for (const ColumnFamily& family : families) {
     const bool any_moves =
         std::ranges::any_of(family.columns, [](const auto& each) { return each.second->moves(); });
-    if (drives(family.quantity) && any_moves) list.push_back(&family);
+    if (drives(family.quantity) && any_moves) list.push_back(family);
   }
   const auto rank = [](const ColumnFamily& family) {
     return manner(family) + rank_of_drive(family.quantity);
   };
-  return best_of(best_of(list, rank), fewer_joints);
+  return best_with_answers(list, rank);
 }
 
 }  // namespace graybox

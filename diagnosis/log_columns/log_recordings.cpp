@@ -16,6 +16,7 @@
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/written_bursts.hpp"
+#include "diagnosis/signal_faults/wrong_stamp.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/text_lines.hpp"
@@ -292,9 +293,22 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
   }
   for (LogColumn& column : recording.columns) column.values = column.values(rows).eval();
   recording.rows = std::move(rows);
+  recording.dropped_rows += all - kept;
   if (remarks != nullptr) {
     remarks->push_back(
         fmt::format("{}: {}", recording.files[clock->file].filename().string(), why));
+  }
+}
+
+// Single stamps that the clock contradicts before and behind them.
+void mend_clock(LogRecording& recording, std::vector<std::string>* remarks) {
+  for (LogColumn& column : recording.columns) {
+    if (column.words.quantity != LogQuantity::kTime) continue;
+    const std::vector<WrongStamp> wrong = mend_stamps(column.values);
+    if (wrong.empty() || remarks == nullptr) continue;
+    remarks->push_back(fmt::format(
+        "{}: '{}' of row {}: {}", recording.files[column.file].filename().string(), column.name,
+        recording.file_row(wrong.front().sample) + 1, words_of_stamps(wrong)));
   }
 }
 
@@ -381,6 +395,11 @@ void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::s
       all.push_back(std::move(recording));
       continue;
     }
+    Eigen::Index used = 0;
+    for (const LogRecording& part : parts) used += part.samples();
+    const Eigen::Index dropped = recording.samples() - used;
+    for (LogRecording& part : parts) part.dropped_rows = 0;
+    parts.front().dropped_rows = recording.dropped_rows + dropped;
     if (remarks != nullptr) {
       std::string rows;
       for (const LogRecording& part : parts) {
@@ -388,9 +407,11 @@ void split_at_restarts(std::vector<LogRecording>& recordings, std::vector<std::s
                             part.file_row(part.samples() - 1) + 1);
       }
       remarks->push_back(fmt::format(
-          "{}: '{}' begins anew within the file: {} recordings{}, rows {}",
+          "{}: '{}' begins anew within the file: {} recordings{}, rows {}{}",
           recording.files[clock->file].filename().string(), clock->name, parts.size(),
-          left_out == 0 ? "" : fmt::format(", the longest of {}", parts.size() + left_out), rows));
+          left_out == 0 ? "" : fmt::format(", the longest of {}", parts.size() + left_out), rows,
+          dropped == 0 ? ""
+                       : fmt::format("; {} other rows are in runs that are too short", dropped)));
     }
     std::ranges::move(parts, std::back_inserter(all));
   }
@@ -634,6 +655,7 @@ std::vector<LogRecording> read_logs(const std::vector<std::filesystem::path>& fi
   for (std::vector<LogFile>& group : groups) recordings.push_back(joined_files(std::move(group)));
   for (LogRecording& recording : recordings) {
     for (const ColumnAnswer& answer : answers) apply(answer, recording);
+    mend_clock(recording, remarks);
     leave_out_rows(recording, remarks);
   }
   split_at_restarts(recordings, remarks);

@@ -3,8 +3,8 @@
 // Files of one length whose columns complement each other are one recording (positions in one file,
 // efforts in another). Files with the same columns are recordings of their own. Columns of another
 // length than most (constants in a MAT file) are left out. Where a file's clock begins anew, each
-// run is a recording, or the longest hundred are. Where a title has no quantity, the name of its
-// file may have one.
+// run is a recording, or the longest hundred are; single wrong stamps are mended (wrong_stamp.hpp).
+// Where a title has no quantity, the name of its file may have one.
 //
 //   std::vector<LogRecording> logs = read_logs({"run_1.csv", "run_2.csv"}, {});
 //   logs[0].columns[1].words.quantity
@@ -54,6 +54,8 @@ struct LogRecording {
   // written again within a burst (written_bursts.hpp). Empty: all are.
   std::vector<Eigen::Index> rows = {};
   double burst = -1.0;  // of the time column's unit; below 0: there are no bursts
+  // Rows of its files that are in no recording; the first of a file's recordings counts them.
+  Eigen::Index dropped_rows = 0;
 
   // "log.csv", or "log.csv, rows 501 to 900".
   [[nodiscard]] std::string label() const;

@@ -238,6 +238,14 @@ LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
 
 }  // namespace
 
+bool rises_evenly(const Eigen::VectorXd& values) {
+  constexpr double kFew = 0.1;
+  if (values.size() < 3 || !values.allFinite() || first_fall(values) >= 0) return false;
+  const Eigen::VectorXd steps = steps_of(values);
+  const double median = quantile(steps, 0.5);
+  return quantile(steps, kFew) > 0.5 * median && quantile(steps, 1.0 - kFew) < 2.0 * median;
+}
+
 const LogColumn* ticking_column(const LogRecording& recording) {
   for (const LogColumn& column : recording.columns) {
     const bool may_be = column.words.quantity == LogQuantity::kUnknown && !column.answered &&

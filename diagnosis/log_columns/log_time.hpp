@@ -42,6 +42,8 @@ struct LogTime {
 // A column that nobody knows and that rises by other steps from row to row, as ticks of a clock do;
 // null where there is none.
 [[nodiscard]] const LogColumn* ticking_column(const LogRecording& recording);
+// Whether numbers only rise, in steps of about one size: as a counter's, and as no force's.
+[[nodiscard]] bool rises_evenly(const Eigen::VectorXd& values);
 // The smallest and the largest step of a column from row to row, but for one in a hundred each.
 [[nodiscard]] std::pair<double, double> steps_between_rows(const LogColumn& column);
 

@@ -56,8 +56,12 @@ std::string advice_on(const LatentStructure& structure) {
                      structure.words);
 }
 
-std::string advice_on_force(double share, const Diagnosis& diagnosis) {
+std::string advice_on_force(double share, const Diagnosis& diagnosis, bool has_drive) {
   constexpr double kAll = 100.0;  // % of the forces that act
+  if (share > kAll && !has_drive) {
+    return "look first whether nothing drives: a motor that holds, a hand, a controller that is "
+           "still on; and whether the sensor's unit and zero are right";
+  }
   if (share > kAll) {
     return "look first whether the drive's channel is the force that acts on the machine: its "
            "unit, gain and sign, and what else pushes";
@@ -264,7 +268,8 @@ void PredictionReasons::add_rest(const Diagnosis& diagnosis,
   const std::string place =
       from_.stated->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
   list.push_back(test(fmt::format("{} {}, % of the forces that act", kForceTest, place), share,
-                      kRestLimit, share <= kRestLimit, advice_on_force(share, diagnosis)));
+                      kRestLimit, share <= kRestLimit,
+                      advice_on_force(share, diagnosis, !from_.data->moves_freely())));
   const double multiple = rest.multiple_of_rest();
   list.push_back(
       test("rest over what the sensors' noise and that force leave, most of all horizons", multiple,

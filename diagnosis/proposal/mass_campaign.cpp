@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/mass_times.hpp"
 #include "problems/base/error.hpp"
@@ -235,6 +236,7 @@ class MassCampaign {
       const bool is_unknown = column->words.quantity == LogQuantity::kUnknown;
       const char* why = !column->moves()                                  ? "never changes"
                         : is_unknown && column->counts_rows()             ? "numbers the rows"
+                        : is_unknown && rises_evenly(column->values)      ? "a counter"
                         : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
                         : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
                         : column->words.is_reference                      ? "a reference"

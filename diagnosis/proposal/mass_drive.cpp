@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
@@ -28,7 +29,7 @@ class DriveSearch {
   void collect_open_columns() {
     for (const LogColumn* column : machine_.columns) {
       if (column->words.quantity == LogQuantity::kUnknown && column->moves() &&
-          !column->counts_rows()) {
+          !column->counts_rows() && !rises_evenly(column->values)) {
         machine_.open.push_back(column);
       }
     }

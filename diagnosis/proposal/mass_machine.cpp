@@ -12,12 +12,14 @@ std::string MassMachine::motion_name(std::size_t k) const {
 
 MotionKind MassMachine::motion_of_drive() const {
   if (request.motion != MotionKind::kOpen) return request.motion;
-  for (const bool is_said : {true, false}) {  // the user's word before titles
+  // The user's word before titles, and whole words of these before letters: an X beside Theta.
+  for (const int least : {2, 1, 0}) {
     for (const LogColumn* column : columns) {
+      const int sure = column->answered ? 2 : column->words.sure ? 1 : 0;
       const LogQuantity quantity = column->words.quantity;
       const bool is_motion =
           quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
-      if (is_motion && column->answered >= is_said && column->moves() &&
+      if (is_motion && sure >= least && column->moves() &&
           column->words.motion != MotionKind::kOpen) {
         return column->words.motion;
       }

@@ -37,6 +37,15 @@ bool looks_counted(const LogColumn& column) {
   return (quarters == quarters.round()).all();
 }
 
+// The rms of second differences over the deviation: 2.4 of white noise, 0 of a straight line.
+double roughness(const Eigen::VectorXd& values) {
+  const Eigen::Index n = values.size();
+  const Eigen::ArrayXd bends = values.head(n - 2).array() - 2.0 * values.segment(1, n - 2).array() +
+                               values.tail(n - 2).array();
+  const double deviation = std::sqrt((values.array() - values.mean()).square().mean());
+  return deviation > 0.0 ? std::sqrt(bends.square().mean()) / deviation : 0.0;
+}
+
 std::string si_unit(bool is_velocity, MotionKind motion) {
   if (motion == MotionKind::kLinear) return is_velocity ? "m/s" : "m";
   return is_velocity ? "rad/s" : "rad";
@@ -55,7 +64,7 @@ class MotionUnitChoice {
 
   void run() {
     if (position_ != nullptr && velocity_ != nullptr) compare();
-    if (position_ == nullptr) {
+    if (position_ == nullptr || prefers_velocity()) {
       take_velocity();
     } else if (position_->words.unit == "counts" || holds_counts(*position_)) {
       take_counts();
@@ -118,6 +127,24 @@ class MotionUnitChoice {
     if (both_stated) return ask_units();
     remarks_.push_back(fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units",
                                    position_->name, fit_->factor, velocity_->name));
+  }
+
+  // A position without a unit that its velocity does not tell, because its rate is rough: the
+  // velocity is used where it is much smoother.
+  [[nodiscard]] bool prefers_velocity() {
+    constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
+    if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
+    const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
+                         holds_counts(*position_) || context_.counts_per_turn.has_value();
+    if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
+    const Eigen::VectorXd place = context_.even.of(position_->values),
+                          speed = context_.even.of(velocity_->values);
+    if (place.size() < kFewestCompared || !place.allFinite() || !speed.allFinite()) return false;
+    const Eigen::VectorXd rate = place.tail(place.size() - 2) - place.head(place.size() - 2);
+    if (!(roughness(speed) < kMuchSmoother * roughness(rate))) return false;
+    remarks_.push_back(fmt::format("'{}' is much smoother than the rate of '{}'", velocity_->name,
+                                   position_->name));
+    return true;
   }
 
   // Nearly the rate, but for what a speed of few counts a sample is wrong by.

@@ -6,12 +6,14 @@
 #include <set>
 
 #include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/log_columns/joint_columns.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
 #include "diagnosis/proposal/mass_proposal.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/proposal/robot_proposal.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
+#include "problems/mechanisms/urdf_chain.hpp"
 
 namespace graybox {
 namespace {
@@ -42,6 +44,12 @@ std::string safe_name(const std::string& title, std::set<std::string>& taken) {
   std::string unique = name;
   for (int k = 2; !taken.insert(unique).second; ++k) unique = fmt::format("{}_{}", name, k);
   return unique;
+}
+
+// What titles say beside the names of the URDF's joints: "wrist_angle_effort" is an effort.
+void name_beside_joints(const std::vector<UrdfJoint>& joints,
+                        std::vector<LogRecording>& recordings) {
+  for (LogRecording& recording : recordings) read_beside_joints(joints, recording);
 }
 
 // "load" is the word of small servos for the effort of their drive. Beside a motion it is taken for
@@ -124,6 +132,8 @@ ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecord
     const LogTime time = find_time(recordings.front(), request.sample_time);
     name_by_rates(recordings, time.sample_time > 0.0 ? time.sample_time : 1.0);
     name_loads(recordings);
+  } else {
+    name_beside_joints(read_urdf_tree(request.urdf), recordings);
   }
   switch (request.machine) {
     case ProposedMachine::kRobot:
@@ -177,6 +187,11 @@ ModelProposal propose_model(const ProposalRequest& request) {
   std::vector<LogRecording> recordings = read_logs(request.logs, request.columns, &remarks);
   ModelProposal proposal = propose_from(request, recordings);
   proposal.notes.insert(proposal.notes.begin(), remarks.begin(), remarks.end());
+  Eigen::Index dropped = 0;
+  for (const LogRecording& recording : recordings) dropped += recording.dropped_rows;
+  if (dropped > 0) {
+    proposal.guesses.push_back({"left out", fmt::format("{} rows", dropped), "the notes say why"});
+  }
   return proposal;
 }
 

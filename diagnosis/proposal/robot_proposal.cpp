@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 
+#include "diagnosis/first_masses/kept_out_blocks.hpp"
 #include "diagnosis/log_columns/joint_columns.hpp"
 #include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
@@ -33,6 +34,20 @@ std::string channel_name(const std::string& quantity, const std::string& joint) 
     if (std::isalnum(static_cast<unsigned char>(each)) == 0) each = '_';
   }
   return name;
+}
+
+// How recorded positions of joints that turn become radians.
+struct AngleUnit {
+  std::string name = "rad";
+  double factor = 1.0;  // rad
+  double centre = 0.0;  // recorded; subtracted before
+};
+
+AngleUnit in_unit(const std::string& unit) { return {unit, find_unit(unit)->factor, 0.0}; }
+
+// "'a' to 'b'", or one of them where they are the same.
+std::string from_to(const std::string& first, const std::string& last) {
+  return first == last ? first : first + " to " + last;
 }
 
 // A robot with the log of its joints: which columns are whose, and the joints that move and are
@@ -91,12 +106,11 @@ class LoggedRobot {
   }
 
   // Whether all positions lie within their limits if they are in that unit.
-  [[nodiscard]] bool fits_limits(const std::string& rotary_unit) const {
+  [[nodiscard]] bool fits_limits(const AngleUnit& unit) const {
     for (const std::size_t joint : chain_) {
       const UrdfJoint& each = joints_[joint];
       if (each.is_prismatic || !(each.upper > each.lower)) continue;
-      const Eigen::VectorXd q =
-          find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
+      const Eigen::VectorXd q = angles(joint, unit);
       const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
       if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
     }
@@ -105,7 +119,7 @@ class LoggedRobot {
 
   // The recorded torque over the links' weight, of the joint that carries most; 0 if it can't be
   // told.
-  [[nodiscard]] double share_of_weight(const std::string& rotary_unit) const {
+  [[nodiscard]] double share_of_weight(const AngleUnit& angle_unit) const {
     const UrdfChain links = read_urdf_joints(request_.urdf, base(), tip());
     const bool any_prismatic =
         std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
@@ -116,7 +130,7 @@ class LoggedRobot {
     Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
     for (Eigen::Index j = 0; j < n; ++j) {
       const std::size_t joint = chain_[static_cast<std::size_t>(j)];
-      q.col(j) = find_unit(rotary_unit)->factor * without_gaps(position(joint).values);
+      q.col(j) = angles(joint, angle_unit);
       const Unit* unit = find_unit(force(joint).words.unit);
       torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
     }
@@ -130,12 +144,36 @@ class LoggedRobot {
     return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
   }
 
+  // Whether all joints that turn are logged in whole numbers, as an encoder's counts.
+  [[nodiscard]] bool holds_counts() const {
+    constexpr double kFewestCounts = 20.0;
+    double widest = 0.0;
+    for (const std::size_t joint : chain_) {
+      const LogColumn& column = position(joint);
+      if (joints_[joint].is_prismatic || column.words.unit == "counts") continue;
+      const Eigen::ArrayXd values = without_gaps(column.values).array();
+      if (!column.words.unit.empty() || (values != values.round()).any()) return false;
+      widest = std::max(widest, values.maxCoeff() - values.minCoeff());
+    }
+    return is_in_counts() || widest >= kFewestCounts;
+  }
+
+  // Whether a title or the user says counts.
+  [[nodiscard]] bool is_in_counts() const {
+    return std::ranges::any_of(
+        chain_, [&](std::size_t joint) { return position(joint).words.unit == "counts"; });
+  }
+
   // m/s^2, in the base link's axes.
   [[nodiscard]] Eigen::Vector3d gravity() const {
     return joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
   }
 
  private:
+  [[nodiscard]] Eigen::VectorXd angles(std::size_t joint, const AngleUnit& unit) const {
+    return unit.factor * (without_gaps(position(joint).values).array() - unit.centre);
+  }
+
   [[nodiscard]] bool is_usable(std::size_t joint) const {
     const auto force = forces_->columns.find(joint);
     return joints_[joint].moves && positions_->columns.contains(joint) &&
@@ -263,12 +301,10 @@ class RobotProposal {
     propose_time(draft_.time, {}, proposal_);
     positions_ = choose(families_of(families_, LogQuantity::kPosition), "position");
     forces_ = choose(families_of_drive(families_), "torque, effort or current");
-    robot_.set_columns(positions_, forces_);
-    if (proposal_.questions.empty() || (positions_ != nullptr && forces_ != nullptr)) {
-      choose_chain();
-      choose_units();
-      check_limits();
-    }
+    robot_.set_columns(&positions_, &forces_);
+    choose_chain();
+    choose_units();
+    check_limits();
     draft_campaign();
     proposal_.model_text = robot_model_text(request_, robot_, doubts_);
     proposal_.campaign_text = campaign_text(draft_, recordings_, request_.folder);
@@ -280,8 +316,7 @@ class RobotProposal {
     proposal_.guesses.push_back({subject, value, reason});
   }
 
-  const ColumnFamily* choose(const std::vector<const ColumnFamily*>& list,
-                             const std::string& what) {
+  ColumnFamily choose(const std::vector<ColumnFamily>& list, const std::string& what) {
     if (list.empty()) {
       std::string names;
       for (const UrdfJoint& joint : robot_.joints()) {
@@ -294,53 +329,96 @@ class RobotProposal {
     }
     if (list.size() == 1) return list.front();
     OpenQuestion question;
-    for (const ColumnFamily* family : list) {
-      question.text += fmt::format("{}'{}'", question.text.empty() ? "" : ", ", family->pattern);
-      AnswerChoice choice{family->pattern, {}};
-      for (const ColumnFamily* other : list) {
-        if (other != family) choice.columns.push_back(other->pattern + "=ignore");
+    for (const ColumnFamily& family : list) {
+      question.text += fmt::format("{}'{}'", question.text.empty() ? "" : ", ", family.pattern);
+      AnswerChoice choice{family.pattern, {}};
+      for (const ColumnFamily& other : list) {
+        if (&other != &family) choice.columns.push_back(other.pattern + "=ignore");
       }
       question.choices.push_back(choice);
     }
     question.text = fmt::format("Which columns are the {} of the joints: {}?", what, question.text);
-    question.option = fmt::format("--column '{}=ignore', say", list.back()->pattern);
+    question.option = fmt::format("--column '{}=ignore', say", list.back().pattern);
     proposal_.questions.push_back(question);
     return list.front();
   }
 
   // "'tau_1' to 'tau_6'", of the joints in the chain.
   [[nodiscard]] std::string range_of(const ColumnFamily& family) const {
-    return fmt::format("'{}' to '{}'", family.columns.at(robot_.chain().front())->name,
-                       family.columns.at(robot_.chain().back())->name);
+    return from_to("'" + family.columns.at(robot_.chain().front())->name + "'",
+                   "'" + family.columns.at(robot_.chain().back())->name + "'");
   }
 
   void choose_chain() {
-    for (const std::size_t joint : robot_.choose_chain()) {
+    const std::vector<std::size_t> aside = robot_.choose_chain();
+    for (std::size_t joint = 0; joint < robot_.joints().size(); ++joint) {
+      const bool is_used = std::ranges::find(robot_.chain(), joint) != robot_.chain().end();
+      if (is_used || !robot_.joints()[joint].moves) continue;
+      if (std::ranges::find(aside, joint) == aside.end()) {
+        warn_of_locked(joint);
+        continue;
+      }
       proposal_.notes.push_back(fmt::format(
-          "joint {} is logged and not in the chain: locked at zero", robot_.joints()[joint].name));
+          "joint {} is logged as '{}' and not in the chain: locked at zero; --tip {} takes its "
+          "branch",
+          robot_.joints()[joint].name, robot_.position(joint).name, robot_.joints()[joint].child));
     }
     guess("joints",
-          fmt::format("{}, {} to {}", robot_.chain().size(),
-                      robot_.joints()[robot_.chain().front()].name,
-                      robot_.joints()[robot_.chain().back()].name),
+          fmt::format("{}, {}", robot_.chain().size(),
+                      from_to(robot_.joints()[robot_.chain().front()].name,
+                              robot_.joints()[robot_.chain().back()].name)),
           fmt::format("position and force are logged; all others of {} are locked at zero",
                       request_.urdf.filename().string()));
+  }
+
+  // A joint that a column moves, and that the model holds still.
+  void warn_of_locked(std::size_t joint) {
+    const std::string& name = robot_.joints()[joint].name;
+    const LogColumn *motion = nullptr, *drive = nullptr, *open = nullptr;
+    for (const ColumnFamily& family : families_) {
+      const auto found = family.columns.find(joint);
+      if (found == family.columns.end() || found->second->words.is_reference) continue;
+      const LogColumn* column = found->second;
+      const LogQuantity quantity = column->words.quantity;
+      if (quantity == LogQuantity::kPosition && column->moves()) motion = column;
+      if (drives(quantity)) drive = column;
+      if (quantity == LogQuantity::kUnknown && column->moves()) open = column;
+    }
+    if (motion == nullptr && open == nullptr) return;
+    std::string remedy =
+        fmt::format("log its force, too, and name it by --column 'NAME=torque@{}'", name);
+    if (motion != nullptr && drive == nullptr && open != nullptr) {
+      remedy =
+          fmt::format("--column '{}=torque@{}' adds it if that is its force", open->name, name);
+    } else if (motion == nullptr) {
+      remedy = fmt::format(
+          "--column '{}=position@{}' adds its position{}", open->name, name,
+          drive == nullptr ? ", and --column 'NAME=torque@" + name + "' its force" : "");
+    } else if (drive != nullptr) {
+      remedy = drive->moves()
+                   ? fmt::format("--column '{}={}@{}' adds it", drive->name,
+                                 name_of(drive->words.quantity), name)
+                   : fmt::format("'{}' never changes, so its force is not known", drive->name);
+    }
+    proposal_.notes.push_back(fmt::format("joint {} is locked at zero, though '{}' moves it: {}",
+                                          name, motion != nullptr ? motion->name : open->name,
+                                          remedy));
   }
 
   // ---- units -----------------------------------------------------------------------------------
 
   void choose_units() {
+    if (request_.counts_per_turn) return take_counts();
     const MotionContext context{
         draft_.time.sample_time, EvenSamples(log_, draft_.time), MotionKind::kOpen, {}};
-    const std::vector<const ColumnFamily*> velocities =
-        families_of(families_, LogQuantity::kVelocity);
+    const std::vector<ColumnFamily> velocities = families_of(families_, LogQuantity::kVelocity);
     std::set<std::string> found;
     std::string why, note;
     for (const std::size_t joint : robot_.chain()) {
       if (robot_.joints()[joint].is_prismatic) continue;
       std::vector<const LogColumn*> columns{&robot_.position(joint)};
-      if (velocities.size() == 1 && velocities.front()->columns.contains(joint)) {
-        columns.push_back(velocities.front()->columns.at(joint));
+      if (velocities.size() == 1 && velocities.front().columns.contains(joint)) {
+        columns.push_back(velocities.front().columns.at(joint));
       }
       const MotionChoice choice = choose_motion(columns, context);
       if (!choice.notes.empty() && note.empty()) note = choice.notes.front();
@@ -360,29 +438,67 @@ class RobotProposal {
       proposal_.notes.push_back(note + (robot_.chain().size() > 1 ? " (and others alike)" : ""));
     }
     if (found.size() == 1) {
-      rotary_unit_ = *found.begin();
+      angle_ = in_unit(*found.begin());
       unit_reason_ = why;
-    } else if (!robot_.fits_limits("rad") && robot_.fits_limits("deg")) {
-      rotary_unit_ = "deg";
+    } else if (!robot_.fits_limits(in_unit("rad")) && robot_.fits_limits(in_unit("deg"))) {
+      angle_ = in_unit("deg");
       unit_reason_ = "in radians they would leave the URDF's limits";
     } else {
-      unit_reason_ = "guessed: no unit is stated, and they keep within the URDF's limits";
+      unit_reason_ = "guessed: no unit is stated";
+      if (robot_.fits_limits(angle_)) unit_reason_ += ", and they keep within the URDF's limits";
     }
+  }
+
+  // Counts of encoders; of half a turn where zero is in the middle, as servos of one turn count.
+  void take_counts() {
+    const double counts = *request_.counts_per_turn;
+    if (!robot_.holds_counts()) {
+      const LogColumn& first = robot_.position(robot_.chain().front());
+      throw InputError(
+          fmt::format("--counts-per-turn: '{}' is {}, not in counts; leave it out", first.name,
+                      first.words.unit.empty() ? "in no whole numbers" : "in " + first.words.unit));
+    }
+    angle_ = {"counts", 2.0 * std::numbers::pi / counts, 0.0};
+    unit_reason_ = fmt::format("{:g} counts a turn, as you said", counts);
+    if (robot_.fits_limits(angle_)) return;
+    AngleUnit centred = angle_;
+    centred.centre = 0.5 * counts;
+    if (!robot_.fits_limits(centred)) return;
+    angle_ = centred;
+    unit_reason_ += fmt::format(
+        "; zero at {:g}, as of servos whose middle is half a turn: from 0 "
+        "on they would leave the URDF's limits",
+        angle_.centre);
   }
 
   void check_limits() {
     std::string prefix =
-        forces_->by_number ? "numbers count the joints" : "joints' names in the titles";
-    guess("positions", fmt::format("{} in {}", range_of(*positions_), rotary_unit_),
+        forces_.by_number ? "numbers count the joints" : "joints' names in the titles";
+    guess("positions", fmt::format("{} in {}", range_of(positions_), angle_.name),
           fmt::format("{}; {}", prefix, unit_reason_));
-    if (robot_.fits_limits(rotary_unit_)) return;
+    const bool is_open_count = angle_.name != "counts" && robot_.is_in_counts();
+    if (robot_.fits_limits(angle_) && !is_open_count) return;
+    const std::string in_degrees = fmt::format("--column '{}=position:deg'", positions_.pattern);
+    if (angle_.name != "counts" && robot_.holds_counts()) {
+      proposal_.questions.push_back(
+          {OpenQuestion::Kind::kCountsPerTurn,
+           fmt::format("'{}' are whole numbers{}: how many counts of the encoders are a turn?",
+                       positions_.pattern,
+                       is_open_count
+                           ? ""
+                           : fmt::format(" that leave the joints' limits in {}", angle_.name)),
+           fmt::format("--counts-per-turn N, 4096 of many servos, say; or {}", in_degrees),
+           {}});
+      return;
+    }
     proposal_.questions.push_back(
         {OpenQuestion::Kind::kInFile,
          fmt::format(
-             "'{}' leave the joints' limits in {}: are they motor angles, in {}? State gear "
-             "ratios and position_of: motors in model.yaml, or another unit",
-             positions_->pattern, rotary_unit_, rotary_unit_),
-         fmt::format("--column '{}=position:deg', say", positions_->pattern),
+             "'{}' leave the joints' limits in {}: are they motor angles? State gear ratios and "
+             "position_of: motors in model.yaml, or another unit{}",
+             positions_.pattern, angle_.name,
+             angle_.centre != 0.0 || angle_.name == "counts" ? " or zero" : ""),
+         in_degrees + ", say",
          {}});
     doubts_.beyond_limits = true;
   }
@@ -404,14 +520,10 @@ class RobotProposal {
     std::string gain, comment;
     if (!is_force) {
       doubts_.gains_known = false;
-      if (unit.empty() && column.words.quantity == LogQuantity::kForce) {
-        unit = base;
-        comment = "its unit is not stated";
-      } else {
-        unit = unit.empty() ? "1" : unit;
-        gain = fmt::format("{{value: {:g}, unit: {}}}", column.words.unit_factor,
-                           in_quotes(base + "/" + unit));
-      }
+      if (unit.empty()) comment = "its unit is not stated, its gain not known";
+      unit = unit.empty() ? "1" : unit;
+      gain = fmt::format("{{value: {:g}, unit: {}}}", column.words.unit_factor,
+                         in_quotes(base + "/" + unit));
     }
     const std::string name = channel_name("force", robot_.joints()[joint].name);
     if (std::ranges::find(request_.reversed, column.name) != request_.reversed.end()) {
@@ -427,15 +539,28 @@ class RobotProposal {
   void add_position(std::size_t joint) {
     const LogColumn& column = robot_.position(joint);
     refuse_odd_unit(column, "position", "rad");
-    std::string unit = rotary_unit_;
-    if (robot_.joints()[joint].is_prismatic)
-      unit = column.words.unit.empty() ? "m" : column.words.unit;
-    const std::string name = channel_name("position", robot_.joints()[joint].name);
-    const Unit* known = find_unit(unit);
-    const double turn = known->base == "rad" ? 2.0 * std::numbers::pi / known->factor : 0.0;
-    if (without_wraps(without_gaps(column.values), turn).second)
-      draft_.wrapped.push_back({name, ""});
-    draft_.channels.push_back({name, column.file, column.name, unit, "", "output", ""});
+    std::string name = channel_name("position", robot_.joints()[joint].name);
+    if (robot_.joints()[joint].is_prismatic) {
+      const std::string unit = column.words.unit.empty() ? "m" : column.words.unit;
+      draft_.channels.push_back({name, column.file, column.name, unit, "", "output", ""});
+      return;
+    }
+    const bool is_counted = angle_.name == "counts";
+    std::string gain, role = "output";
+    if (is_counted) gain = fmt::format("{{value: {:.8g}, unit: rad/counts}}", angle_.factor);
+    if (angle_.centre != 0.0) {
+      draft_.computed.push_back(fmt::format(
+          "  - {{kind: sum, of: [counts_of_{}, centre], weights: [1, -1], unit: rad, name: {}, is: "
+          "output}}\n",
+          name, name));
+      name = "counts_of_" + name;
+      role = "other";
+    }
+    const double turn = 2.0 * std::numbers::pi / angle_.factor;
+    if (without_wraps(without_gaps(column.values), turn).second) {
+      draft_.wrapped.push_back({name, is_counted ? fmt::format(", period: {:.10g}", turn) : ""});
+    }
+    draft_.channels.push_back({name, column.file, column.name, angle_.name, gain, role, ""});
   }
 
   void draft_campaign() {
@@ -443,6 +568,12 @@ class RobotProposal {
     if (!draft_.time.is_even) draft_.hold = "first";
     std::vector<const LogColumn*> decisive;
     for (const std::size_t joint : robot_.chain()) add_force(joint);
+    if (angle_.centre != 0.0) {
+      draft_.computed.push_back(fmt::format(
+          "  - {{kind: constant, name: centre, value: {:.8g}, unit: rad, is: other}}  # {:g} "
+          "counts\n",
+          angle_.factor * angle_.centre, angle_.centre));
+    }
     for (const std::size_t joint : robot_.chain()) {
       add_position(joint);
       decisive.push_back(&robot_.position(joint));
@@ -453,8 +584,48 @@ class RobotProposal {
     draft_.experiments = draft_experiments(recordings_, decisive, false, draft_.time.sample_time);
     guess_forces();
     guess_filter(decisive);
-    guess("kept out", recordings_.size() > 1 ? recordings_.back().label() : "the second half",
-          "checks the fit");
+    split_in_blocks();
+  }
+
+  // Halves of which one shows a joint less than the other check nothing of it: then alternating
+  // blocks (kept_out_blocks.hpp).
+  void split_in_blocks() {
+    if (recordings_.size() > 1 || draft_.experiments.size() != 2) {
+      return guess("kept out", recordings_.back().label(), "checks the fit");
+    }
+    const Eigen::Index first = draft_.experiments.front().first,
+                       count = draft_.experiments.back().last - first + 1;
+    std::vector<DrivenAxis> axes;
+    for (const std::size_t joint : robot_.chain()) {
+      axes.push_back({without_gaps(robot_.force(joint).values).segment(first, count),
+                      without_gaps(robot_.position(joint).values).segment(first, count)});
+    }
+    const KeptOutBlocks split = kept_out_blocks(axes, lost_by_filter());
+    const std::string joint = axes.empty() ? "" : robot_.joints()[robot_.chain()[split.axis]].name;
+    if (split.count < 3) {
+      if (!split.is_fair) {
+        proposal_.notes.push_back(fmt::format(
+            "joint {}: {}, so the halves are not alike, and no other split of this log is better: "
+            "what it shows of that joint may not hold in the other half; record another run",
+            joint, split.reason));
+      }
+      return guess("kept out", "the second half", "checks the fit");
+    }
+    draft_.experiments.clear();
+    for (Eigen::Index k = 0; k < split.count; ++k) {
+      draft_.experiments.push_back({0, first + k * count / split.count,
+                                    first + (k + 1) * count / split.count - 1, false, k % 2 == 1});
+    }
+    guess("kept out", fmt::format("every second of {} parts", split.count),
+          fmt::format("joint {}: {}, so halves would not be alike", joint, split.reason));
+  }
+
+  // Samples at the ends of a part, within two periods of the filter's frequency.
+  [[nodiscard]] Eigen::Index lost_by_filter() const {
+    constexpr double kPeriods = 4.0;  // at both ends
+    const double step = draft_.time.sample_time;
+    if (!draft_.low_pass || !(step > 0.0)) return 0;
+    return static_cast<Eigen::Index>(kPeriods / (*draft_.low_pass * step));
   }
 
   // Questions about columns stand at the first channel.
@@ -468,7 +639,7 @@ class RobotProposal {
   // Torques that are far from what the links weigh are of motors before a gear.
   void doubt_gains() {
     constexpr double kFar = 10.0;
-    const double share = robot_.share_of_weight(rotary_unit_);
+    const double share = robot_.share_of_weight(angle_);
     if (share == 0.0 || (share < kFar && share > 1.0 / kFar)) return;
     doubts_.gains_known = false;
     proposal_.notes.push_back(fmt::format(
@@ -481,13 +652,13 @@ class RobotProposal {
     if (robot_.chain().empty()) return;
     const bool were_known = doubts_.gains_known;
     if (doubts_.gains_known && proposal_.questions.empty()) doubt_gains();
-    guess("forces", range_of(*forces_),
+    guess("forces", range_of(forces_),
           doubts_.gains_known ? "in newton metres, as their titles say"
           : were_known
               ? "newton metres by their titles, but not by the links' weight"
               : "no newton metres are stated: each drive's gain is unknown, and estimated");
     std::string still;
-    for (const auto& [joint, column] : forces_->columns) {
+    for (const auto& [joint, column] : forces_.columns) {
       if (!column->moves()) still += (still.empty() ? "" : ", ") + robot_.joints()[joint].name;
     }
     if (!still.empty()) proposal_.notes.push_back("the force never changes of " + still);
@@ -540,9 +711,9 @@ class RobotProposal {
   const LogRecording& log_;
   LoggedRobot robot_;
   std::vector<ColumnFamily> families_;
-  const ColumnFamily* positions_ = nullptr;
-  const ColumnFamily* forces_ = nullptr;
-  std::string rotary_unit_ = "rad", unit_reason_;
+  ColumnFamily positions_, forces_;
+  AngleUnit angle_;
+  std::string unit_reason_;
   ModelDoubts doubts_;
   CampaignDraft draft_;
   ModelProposal proposal_;

@@ -16,6 +16,7 @@
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/time_axis.hpp"
 #include "diagnosis/signal_faults/written_bursts.hpp"
+#include "diagnosis/signal_faults/wrong_stamp.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/units.hpp"
 
@@ -139,6 +140,17 @@ Eigen::VectorXd recorded_times(const Campaign& campaign, const FilesByKey& files
     (void)files.begin()->second.at(campaign.time.column);  // says which columns there are
   }
   return times;
+}
+
+// Single stamps that the clock contradicts before and behind them.
+void mend_wrong_stamps(const Campaign& campaign, const Experiment& experiment,
+                       Eigen::VectorXd& times, ExperimentRecording& recording) {
+  if (!campaign.mends_faulty_samples) return;
+  const std::vector<WrongStamp> wrong = mend_stamps(times);
+  if (wrong.empty()) return;
+  add_warning(recording, "time",
+              fmt::format("{}: time stamp of sample {}: {} s", experiment.name,
+                          wrong.front().sample, words_of_stamps(wrong)));
 }
 
 void check_stated_sample_times(const Campaign& campaign, const FilesByKey& files,
@@ -444,9 +456,10 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
   check_stated_sample_times(campaign, files, recording);
   if (!equal_lengths(columns, recording)) return recording;
   recording.samples = static_cast<std::size_t>(columns.front().column->values.size());
-  const Eigen::VectorXd times =
+  Eigen::VectorXd times =
       recorded_times(campaign, files, static_cast<Index>(recording.samples), recording);
   if (!recording.sound()) return recording;
+  mend_wrong_stamps(campaign, experiment, times, recording);
   read_pieces(campaign, experiment, columns, times, recording);
   const std::string source = fmt::format("{}: {}", campaign.file.string(), experiment.name);
   const StepGroups steps = step_groups(campaign.preprocess);

@@ -76,28 +76,38 @@ VectorXd model(const VectorXd& x, const Vector2d& p) { return lagged(delayed(x, 
 
 class Fitter {
  public:
-  Fitter(VectorXd x, VectorXd y) : x_(std::move(x)), y_(std::move(y)) {}
+  Fitter(VectorXd x, VectorXd y) : x_(std::move(x)), y_(std::move(y)) {
+    longest_ = static_cast<double>(half_period());
+  }
 
   [[nodiscard]] double squares(const Vector2d& p) const {
     return regression_of(model(x_, p), y_).squares;
   }
 
-  // The best whole number of samples.
+  // The best whole number of samples, within half a period of the swing. Of the shifts that
+  // explain nearly as much as the best, and more than those beside them, the smallest.
   [[nodiscard]] double coarse_delay() const {
-    double best = std::numeric_limits<double>::infinity(), delay = 0.0;
-    for (Index shift = -kMargin / 2; shift <= kMargin / 2; ++shift) {
-      const double here = squares({static_cast<double>(shift), 0.0});
-      if (here < best) {
-        best = here;
-        delay = static_cast<double>(shift);
-      }
+    constexpr double kNearly = 0.9;  // of what the best explains
+    const Index most = std::min(kMargin / 2, static_cast<Index>(longest_));
+    VectorXd explained(2 * most + 1);
+    const double whole = regression_of(VectorXd::Zero(x_.size()), y_).squares;
+    for (Index k = 0; k < explained.size(); ++k) {
+      explained(k) = whole - squares({static_cast<double>(k - most), 0.0});
     }
-    return delay;
+    Index best = 0;
+    const double enough = kNearly * explained.maxCoeff(&best);
+    for (Index k = 0; k < explained.size(); ++k) {
+      const bool is_peak = (k == 0 || explained(k) >= explained(k - 1)) &&
+                           (k + 1 == explained.size() || explained(k) >= explained(k + 1));
+      if (is_peak && explained(k) >= enough && std::abs(k - most) < std::abs(best - most)) best = k;
+    }
+    return static_cast<double>(best - most);
   }
 
   [[nodiscard]] double coarse_lag() const {
     double best = std::numeric_limits<double>::infinity(), lag = 0.5;
-    for (double trial = 0.25; trial < 0.5 * static_cast<double>(kMargin); trial *= 1.5) {
+    const double longest = std::min(0.5 * static_cast<double>(kMargin), longest_);
+    for (double trial = 0.25; trial < longest; trial *= 1.5) {
       const double here = squares({0.0, trial});
       if (here < best) {
         best = here;
@@ -117,7 +127,7 @@ class Fitter {
       double lower = cost;
       for (; scale > 1e-3; scale *= 0.5) {
         next = p + scale * change;
-        next(1) = std::max(next(1), 0.0);
+        next(1) = std::clamp(next(1), 0.0, longest_);
         if (delay_free && lag_free) next(0) = std::max(next(0), 0.0);  // neither undoes the other
         if (std::abs(next(0)) < static_cast<double>(kMargin) &&
             next(1) < static_cast<double>(kMargin) && (lower = squares(next)) < cost) {
@@ -153,6 +163,28 @@ class Fitter {
   }
 
  private:
+  // Of the swing, in samples, by the first peak of the autocorrelation behind its first fall below
+  // zero; the margin where there is none.
+  [[nodiscard]] Index half_period() const {
+    constexpr double kSwings = 0.3;  // of the squares
+    const Index size = y_.size() - 2 * kMargin;
+    const VectorXd here = y_.segment(kMargin, size).array() - y_.segment(kMargin, size).mean();
+    VectorXd alike(2 * kMargin);
+    for (Index lag = 0; lag < alike.size(); ++lag) {
+      if (lag >= size) return kMargin;
+      alike(lag) = here.head(size - lag).dot(here.tail(size - lag));
+    }
+    bool fell = false;
+    for (Index lag = 1; lag + 1 < alike.size(); ++lag) {
+      fell = fell || alike(lag) < 0.0;
+      if (!fell || alike(lag) < kSwings * alike(0)) continue;
+      if (alike(lag) >= alike(lag - 1) && alike(lag) >= alike(lag + 1)) {
+        return std::max<Index>(1, lag / 2);
+      }
+    }
+    return kMargin;
+  }
+
   // Columns: model, 1, and d(gain model)/d(delay, lag) as far as they are free.
   [[nodiscard]] MatrixXd jacobian_at(const Vector2d& p, double gain, bool delay_free,
                                      bool lag_free) const {
@@ -198,6 +230,7 @@ class Fitter {
   }
 
   VectorXd x_, y_;
+  double longest_ = 0.0;  // samples: half a period of the swing, also of a lag
 };
 
 VectorXd middle_of(const Eigen::Ref<const VectorXd>& values) {

@@ -5,8 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <iterator>
+#include <map>
 #include <optional>
+#include <type_traits>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
@@ -195,6 +199,26 @@ std::string why_not_periodic(const LumpedModel& model, const Campaign& campaign)
   return has_accelerations ? "accelerations are measured" : "";
 }
 
+// Whether no channel and no step but constants is an input: a run-down or a free swing.
+bool records_no_force(const Campaign& campaign) {
+  const auto is_input = [](const Channel& channel) { return channel.role == ChannelRole::kInput; };
+  bool has_constant = false, has_other = std::ranges::any_of(campaign.channels, is_input);
+  for (const PreprocessStep& step : campaign.preprocess) {
+    std::visit(
+        [&](const auto& each) {
+          if constexpr (requires { each.role; }) {
+            using Role = std::optional<ChannelRole>;
+            if (Role(each.role) != Role(ChannelRole::kInput)) return;
+            constexpr bool kIsConstant =
+                std::is_same_v<std::decay_t<decltype(each)>, ConstantChannel>;
+            (kIsConstant ? has_constant : has_other) = true;
+          }
+        },
+        step);
+  }
+  return has_constant && !has_other;
+}
+
 Method chosen_method(const DiagnosisRequest& request, const Campaign& campaign) {
   const std::string format = YamlField::load(request.model).at("format").text();
   Method method{"", "it was asked for", format == "graybox-lumped/1", {}};
@@ -202,6 +226,12 @@ Method chosen_method(const DiagnosisRequest& request, const Campaign& campaign) 
   if (method.is_lumped) {
     lumped = load_lumped_model(request.model);
     method.drive = measured_drive(*lumped);
+  }
+  if (request.method == "force_balance" && method.is_lumped && records_no_force(campaign)) {
+    throw InputError(fmt::format(
+        "--method force_balance: {} records no force (its inputs are constants), so there is no "
+        "balance of forces: say --method prediction_error",
+        campaign.file.string()));
   }
   if (request.method == "prediction_error" || (request.method == "force_balance" && method.drive)) {
     method.name = request.method;
@@ -495,17 +525,30 @@ std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& 
   return all;
 }
 
-// Drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known.
+// Drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known: a
+// sentence for those in one unit, by the columns that the user knows.
 void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
+  constexpr std::size_t kFew = 2;
+  std::map<std::pair<std::string, std::string>, std::vector<std::string>> columns;
   for (const Channel& channel : campaign.channels) {
     const Unit* recorded = find_unit(channel.recorded_unit);
     const bool is_converted = recorded != nullptr && recorded->base != channel.unit;
     if (channel.role != ChannelRole::kInput || !is_converted || channel.factor != 1.0) continue;
-    const bool has_unit = channel.recorded_unit != "1";
+    columns[{channel.unit, channel.recorded_unit}].push_back(
+        channel.column.empty() ? channel.name : channel.column);
+  }
+  for (const auto& [units, names] : columns) {
+    const auto& [unit, recorded] = units;
+    std::string of;
+    for (std::size_t k = 0; k < std::min(kFew, names.size()); ++k) {
+      of += (k == 0 ? "'" : ", '") + names[k] + "'";
+    }
+    if (names.size() > kFew) of += fmt::format(" and {} more", names.size() - kFew);
     diagnosis.assumptions.push_back(fmt::format(
-        "Sizes are in units of the drive: 1 {} stands for one {} of {}. With its true gain (gain: "
+        "Sizes are in units of the drive{}: 1 {} stands for one {} of {}. With {} true gain (gain: "
         "in campaign.yaml) masses and forces scale.",
-        channel.unit, has_unit ? channel.recorded_unit : "recorded unit", channel.name));
+        names.size() > 1 ? "s" : "", unit, recorded != "1" ? recorded : "recorded unit", of,
+        names.size() > 1 ? "each" : "its"));
   }
 }
 

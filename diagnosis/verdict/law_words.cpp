@@ -167,8 +167,12 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
     const bool has_negative = forward->value < 0.0 || backward->value < 0.0;
     if (kind == "damping" && has_negative) return direction_words(*forward, *backward);
     if (compared(*forward, *backward) == 0) {
-      return kind == "level" ? "has dry friction, the same in both directions"
-                             : "has viscous friction, the same in both directions";
+      constexpr double kAlike = 0.25;  // of the larger one
+      const double larger = std::max(std::abs(forward->value), std::abs(backward->value));
+      const bool are_alike = std::abs(forward->value - backward->value) <= kAlike * larger;
+      return fmt::format("has {} friction, {}", kind == "level" ? "dry" : "viscous",
+                         are_alike ? "the same in both directions"
+                                   : "whose sizes in the two directions are not told apart");
     }
   }
   return "";

@@ -258,7 +258,6 @@ TEST_F(Model, OptionsThatContradictOrChangeNothingAreRefused) {
            {"--base link_0", "--base: names a link of a URDF"},
            {urdf + "--linear", "--linear and --rotary: not beside a URDF"},
            {urdf + "--two-masses", "--one-mass and --two-masses: not beside a URDF"},
-           {urdf + "--counts-per-turn 4096", "--counts-per-turn: not beside a URDF"},
            {urdf + "--gain 2", "--gain: not beside a URDF"}}) {
     expect_refused("model log.csv -o refused " + options, text);
     EXPECT_FALSE(is_there("refused")) << options;
@@ -443,6 +442,25 @@ TEST_F(Model, ItsHelpFitsAScreen) {
   const Outcome help = graybox("model --help");
   EXPECT_EQ(help.exit_code, 0);
   EXPECT_LE(std::ranges::count(help.out, '\n'), 50) << help.out;
+}
+
+// Nothing drives: there is no balance of forces, and no channel of a drive to look at.
+TEST_F(Model, WithoutADriveNothingIsSaidOfOne) {
+  std::string text = "time [s],angle [rad]\n";
+  for (int k = 0; k < 800; ++k) {
+    const double t = 0.01 * k;
+    text +=
+        fmt::format("{:.2f},{:.6g}\n", t,
+                    std::exp(-0.2 * t) * std::sin(3.0 * t) + 0.3 * t + 0.2 * std::sin(0.7 * t * t));
+  }
+  write_text(folder_.file("swing.csv"), text);
+  const Outcome model = graybox("model swing.csv --no-drive -o swing");
+  ASSERT_EQ(model.exit_code, 0) << model.err << model.out;
+  expect_refused("diagnose swing/model.yaml swing/campaign.yaml --method force_balance",
+                 "records no force");
+  const Outcome diagnosed = graybox("diagnose swing/model.yaml swing/campaign.yaml");
+  EXPECT_NE(diagnosed.out.find("force left at"), std::string::npos) << diagnosed.out;
+  EXPECT_EQ(diagnosed.out.find("the drive's channel"), std::string::npos) << diagnosed.out;
 }
 
 }  // namespace

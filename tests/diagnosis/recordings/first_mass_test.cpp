@@ -248,5 +248,30 @@ TEST(KeptOutBlocks, AKickIsNotShared) {
   EXPECT_FALSE(split.is_fair);
 }
 
+// Two axes: one swings throughout, the other turns back half-way, or stands.
+TEST(KeptOutBlocks, SeveralAxesAreSharedTogether) {
+  constexpr Index kCount = 1200;
+  VectorXd force(kCount), swings(kCount), turns(kCount), stands(kCount);
+  for (Index k = 0; k < kCount; ++k) {
+    const double t = 0.01 * static_cast<double>(k);
+    force(k) = std::sin(7.0 * t);
+    swings(k) = std::sin(5.0 * t) + 0.5 * std::sin(11.0 * t);
+    turns(k) = k < kCount / 2 ? t + 0.3 * std::sin(2.0 * t) : 12.0 - t + 0.3 * std::sin(2.0 * t);
+    stands(k) = k < kCount / 2 ? std::sin(5.0 * t) : std::sin(0.05 * kCount / 2.0);
+  }
+  EXPECT_EQ(kept_out_blocks({{force, swings}, {force, -swings}}, 20).count, 2);
+  EXPECT_EQ(kept_out_blocks({{force, swings}, {force, -swings}}, 20).reason, "");
+  for (const VectorXd& other : {turns, stands}) {
+    const KeptOutBlocks split = kept_out_blocks({{force, swings}, {force, other}}, 20);
+    EXPECT_EQ(split.axis, 1U);
+    EXPECT_FALSE(split.reason.empty());
+    EXPECT_EQ(split.count, kept_out_blocks(force, other, false).count);
+    EXPECT_EQ(split.count == 2, !split.is_fair);
+    // A filter that takes most of each block forbids them.
+    EXPECT_EQ(kept_out_blocks({{force, swings}, {force, other}}, 280).count, 2);
+  }
+  EXPECT_GT(kept_out_blocks({{force, swings}, {force, turns}}, 20).count, 2);
+}
+
 }  // namespace
 }  // namespace graybox

@@ -765,5 +765,79 @@ TEST_F(LogDoubts, WordsAboutARateNameWhatIsNotUsed) {
   EXPECT_EQ(notes_of(proposal).find("it is not used"), std::string::npos);
 }
 
+// A counter rises in steps of about one size: no force does.
+TEST_F(LogDoubts, ACounterIsNoDrive) {
+  const Axis m = axis(1000, 0.01);
+  std::vector<double> counter;
+  for (std::size_t k = 0; k < m.time.size(); ++k) {
+    counter.push_back(9271.0 + 10.0 * static_cast<double>(k) + static_cast<double>(k % 3));
+  }
+  const ModelProposal proposal =
+      proposed({{"time [s]", m.time}, {"Step", counter}, {"angle [rad]", m.position}});
+  EXPECT_EQ(value_of(proposal, "drive"), "");
+  EXPECT_NE(value_of(proposal, "not used").find("Step: a counter"), std::string::npos)
+      << value_of(proposal, "not used");
+  EXPECT_NE(questions_of(proposal).find("--no-drive"), std::string::npos) << questions_of(proposal);
+}
+
+TEST_F(LogDoubts, AWordForAnAngleGoesBeforeALetter) {
+  const Axis m = axis(1000, 0.01);
+  const ModelProposal proposal = proposed(
+      {{"time [s]", m.time}, {"X", m.velocity}, {"Theta", m.position}, {"torque", m.force}});
+  EXPECT_EQ(value_of(proposal, "motion").substr(0, 6), "rotary") << value_of(proposal, "motion");
+}
+
+// The speed is right and the angle jitters: its rate tells no units.
+TEST_F(LogDoubts, ARoughAngleLeavesTheSpeed) {
+  const Axis m = axis(1000, 0.02);
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> noise(0.0, 0.25);
+  const ModelProposal proposal =
+      proposed({{"time [s]", m.time},
+                {"angle", mapped(m.position, [&](double q) { return 1.6 * q + noise(random); })},
+                {"speed", m.velocity},
+                {"torque", m.force}});
+  EXPECT_NE(value_of(proposal, "velocity").find("'speed'"), std::string::npos)
+      << value_of(proposal, "position") << questions_of(proposal) << notes_of(proposal);
+  EXPECT_NE(notes_of(proposal).find("'speed' is much smoother than the rate of 'angle'; 'angle' is "
+                                    "not used"),
+            std::string::npos)
+      << notes_of(proposal);
+}
+
+// A second that one stamp did not carry, and another that was carried too early.
+TEST_F(LogDoubts, AWrongStampIsMendedAndTold) {
+  const Axis m = axis(1000, 0.01);
+  for (const double off : {-1.0, 1.0}) {
+    std::vector<double> times = m.time;
+    times[300] += off;
+    const std::string file = write(
+        "stamps.csv", {{"time [s]", times}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
+    const ModelProposal proposal = written({file});
+    EXPECT_NE(
+        notes_of(proposal).find(fmt::format("'time' of row 301: {:.10g} is 1 too {}: read "
+                                            "as 3",
+                                            3.0 + off, off < 0.0 ? "early" : "late")),
+        std::string::npos)
+        << notes_of(proposal);
+    EXPECT_EQ(notes_of(proposal).find("begins anew"), std::string::npos);
+    EXPECT_EQ(value_of(proposal, "left out"), "");
+    EXPECT_EQ(value_of(proposal, "kept out").substr(0, 15), "the second half");
+  }
+}
+
+// Rows of runs that are too short are counted.
+TEST_F(LogDoubts, RowsThatAreDroppedAreCounted) {
+  const Axis m = axis(1000, 0.01);
+  std::vector<double> times = m.time;
+  for (std::size_t k = 0; k < 1000; ++k) {
+    times[k] = k < 27 ? m.time[k] + 50.0 : k < 500 ? m.time[k] : m.time[k] - 5.0;
+  }
+  const ModelProposal proposal =
+      proposed({{"time [s]", times}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
+  EXPECT_EQ(value_of(proposal, "left out").substr(0, 7), "27 rows") << notes_of(proposal);
+  EXPECT_NE(notes_of(proposal).find("27 other rows"), std::string::npos) << notes_of(proposal);
+}
+
 }  // namespace
 }  // namespace graybox

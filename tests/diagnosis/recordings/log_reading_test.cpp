@@ -24,6 +24,7 @@
 #include "diagnosis/recordings/late_signal.hpp"
 #include "diagnosis/recordings/motion_pairs.hpp"
 #include "diagnosis/recordings/sample_interpolation.hpp"
+#include "diagnosis/signal_faults/wrong_stamp.hpp"
 #include "tests/support/recorded_channels.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -667,6 +668,63 @@ TEST(MotionPairs, SkewOfRealEncodersIsMeasured) {
       EXPECT_LT(fit.late_error, 0.0002);
     }
   }
+}
+
+// A swing of 9 Hz with little else: late by 20 ms, not by that and a period.
+TEST(LateSignals, ASwingIsLateByLessThanHalfItsPeriod) {
+  constexpr Index kCount = 1200;
+  constexpr double kRate = 9.2, kDelay = 0.02, kSampling = 0.005;
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> noise(0.0, 0.3);
+  VectorXd rate(kCount), velocity(kCount);
+  const auto swing = [&](double t) {
+    // The amplitude wanders, so that a period more fits now and then as well.
+    return (1.0 + 0.3 * std::sin(0.9 * t)) * std::sin(2.0 * std::numbers::pi * kRate * t);
+  };
+  for (Index k = 0; k < kCount; ++k) {
+    const double t = kSampling * static_cast<double>(k);
+    rate(k) = swing(t) + noise(random);
+    velocity(k) = swing(t - kDelay);
+  }
+  const LateComparison fit = compare_late(rate, velocity, kSampling);
+  EXPECT_NEAR(fit.delayed.late, kDelay, 0.004);
+  // Of a pure swing all periods are alike.
+  for (Index k = 0; k < kCount; ++k) {
+    const double t = kSampling * static_cast<double>(k);
+    rate(k) = std::sin(2.0 * std::numbers::pi * 20.0 * t);
+    velocity(k) = std::sin(2.0 * std::numbers::pi * 20.0 * (t - 0.01));
+  }
+  EXPECT_NEAR(compare_late(rate, velocity, kSampling).delayed.late, 0.01, 0.001);
+}
+
+TEST(WrongStamps, SingleOnesAreMendedAndNothingElse) {
+  const auto times_of = [](double step) {
+    return VectorXd(VectorXd::LinSpaced(500, 0.0, 499.0 * step));
+  };
+  VectorXd times = times_of(0.01);
+  const VectorXd truth = times;
+  EXPECT_TRUE(mend_stamps(times).empty());
+  times(200) -= 1.0;
+  times(201) -= 1.0;
+  times(300) += 60.0;
+  const std::vector<WrongStamp> wrong = mend_stamps(times);
+  ASSERT_EQ(wrong.size(), 3U);
+  EXPECT_EQ(wrong[1].sample, 201);
+  EXPECT_LT((times - truth).cwiseAbs().maxCoeff(), 1e-9);
+  // By no whole unit: between its neighbours.
+  times(100) = 0.3717;
+  ASSERT_EQ(mend_stamps(times).size(), 1U);
+  EXPECT_NEAR(times(100), truth(100), 1e-9);
+  // A clock that begins anew, rows in another order, a pause.
+  VectorXd anew = truth;
+  anew.tail(200).array() -= anew(300);
+  EXPECT_TRUE(mend_stamps(anew).empty());
+  VectorXd swapped = truth;
+  std::swap(swapped(50), swapped(51));
+  EXPECT_TRUE(mend_stamps(swapped).empty());
+  VectorXd pause = truth;
+  pause.tail(200).array() += 7.0;
+  EXPECT_TRUE(mend_stamps(pause).empty());
 }
 
 }  // namespace

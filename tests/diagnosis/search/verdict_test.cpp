@@ -302,6 +302,11 @@ TEST(VerdictWords, SayThatFrictionFallsWithSpeedOnlyWhereItDoes) {
   };
   EXPECT_NE(by_direction(8.0).find("differs between the directions"), std::string::npos);
   EXPECT_NE(by_direction(5.1).find("the same in both directions"), std::string::npos);
+  // Far apart, and their errors are large: not told apart is not the same.
+  const std::string unsure = sentence("asymmetric_coulomb", {{"forward_level", "N", 83.0, 29.0},
+                                                             {"backward_level", "N", 24.9, 6.0}});
+  EXPECT_EQ(unsure.find("the same"), std::string::npos) << unsure;
+  EXPECT_NE(unsure.find("not told apart"), std::string::npos) << unsure;
 }
 
 TEST(VerdictWords, NeverSayInfStandardErrors) {

@@ -1,0 +1,202 @@
+// What `graybox model` makes of a robot's log beside its URDF: whose columns they are, which joints
+// are left out and said to be, counts, units, and what is kept out. All logs are made here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/log_columns/joint_columns.hpp"
+#include "diagnosis/proposal/proposal.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Signal = std::function<double(double)>;
+
+constexpr int kRows = 600;
+constexpr double kStep = 0.02;
+
+// Revolute joints in a row about y, each with a link of 1 kg, between -3 and 3 rad.
+std::string urdf_of(const std::vector<std::string>& joints) {
+  std::string text = "<robot name=\"arm\">\n<link name=\"base\"/>\n", parent = "base";
+  for (const std::string& joint : joints) {
+    const std::string link = joint + "_link";
+    text += fmt::format(
+        "<link name=\"{}\"><inertial><origin xyz=\"0.1 0 0\"/><mass value=\"1\"/><inertia "
+        "ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>\n"
+        "<joint name=\"{}\" type=\"revolute\"><parent link=\"{}\"/><child link=\"{}\"/><origin "
+        "xyz=\"0.2 0 0\"/><axis xyz=\"0 1 0\"/><limit lower=\"-3\" upper=\"3\" effort=\"10\" "
+        "velocity=\"5\"/></joint>\n",
+        link, joint, parent, link);
+    parent = link;
+  }
+  return text + "</robot>\n";
+}
+
+class RobotLogs : public ::testing::Test {
+ protected:
+  ModelProposal proposed(const std::vector<std::string>& joints,
+                         const std::vector<std::pair<std::string, Signal>>& columns,
+                         const std::vector<std::string>& answers = {},
+                         std::optional<double> counts_per_turn = {}) {
+    testing::write_text(folder_.file("arm.urdf"), urdf_of(joints));
+    std::string text = "time [s]";
+    for (const auto& [title, signal] : columns) text += "," + title;
+    text += "\n";
+    for (int k = 0; k < kRows; ++k) {
+      text += fmt::format("{:.2f}", kStep * k);
+      for (const auto& [title, signal] : columns) text += fmt::format(",{:.6g}", signal(kStep * k));
+      text += "\n";
+    }
+    testing::write_text(folder_.file("log.csv"), text);
+    ProposalRequest request;
+    request.machine = ProposedMachine::kRobot;
+    request.urdf = folder_.file("arm.urdf");
+    request.logs = {folder_.file("log.csv")};
+    request.folder = folder_.file("arm");
+    request.counts_per_turn = counts_per_turn;
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
+    return propose_model(request);
+  }
+
+  static std::string value_of(const ModelProposal& proposal, const std::string& subject) {
+    for (const ProposedGuess& guess : proposal.guesses) {
+      if (guess.subject == subject) return guess.value + "; " + guess.reason;
+    }
+    return "";
+  }
+  static std::string notes_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const std::string& note : proposal.notes) text += note + "\n";
+    return text;
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+Signal swing(double size, double rate, double phase) {
+  return [=](double t) { return size * std::sin(rate * t + phase); };
+}
+
+std::vector<std::pair<std::string, Signal>> two_joints(const std::string& second) {
+  return {{"waist_pos", swing(1.0, 3.0, 0.0)},
+          {"waist_effort", swing(40.0, 3.0, 1.0)},
+          {second + "_pos", swing(0.8, 4.1, 0.3)},
+          {second + "_effort", swing(30.0, 4.1, 1.0)}};
+}
+
+TEST_F(RobotLogs, AJointsNameIsNoQuantity) {
+  for (const char* name : {"wrist_angle", "torque_arm", "position_stage", "speedJoint"}) {
+    const ModelProposal robot = proposed({"waist", name}, two_joints(name));
+    EXPECT_EQ(value_of(robot, "joints").substr(0, 10), "2, waist t") << name;
+    EXPECT_NE(robot.campaign_text.find(fmt::format("\"{}_effort\"", name)), std::string::npos)
+        << name << robot.campaign_text;
+  }
+}
+
+TEST_F(RobotLogs, AJointThatIsNamedDoesNotDropTheOthers) {
+  const std::vector<std::pair<std::string, Signal>> columns{{"waist_pos", swing(1.0, 3.0, 0.0)},
+                                                            {"waist_effort", swing(40.0, 3.0, 1.0)},
+                                                            {"w_p", swing(0.8, 4.1, 0.3)},
+                                                            {"w_i", swing(30.0, 4.1, 1.0)}};
+  const ModelProposal both =
+      proposed({"waist", "wrist"}, columns, {"w_p=position@wrist", "w_i=current@wrist"});
+  EXPECT_EQ(value_of(both, "joints").substr(0, 17), "2, waist to wrist");
+  // All that is there for one joint alone is named once.
+  const ModelProposal one = proposed({"waist"}, {columns[0], columns[1]});
+  EXPECT_EQ(value_of(one, "joints").substr(0, 9), "1, waist;") << value_of(one, "joints");
+  EXPECT_EQ(value_of(one, "positions").find(" to "), std::string::npos);
+}
+
+TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
+  const ModelProposal robot = proposed({"waist", "wrist"}, {{"waist_pos", swing(1.0, 3.0, 0.0)},
+                                                            {"waist_effort", swing(40.0, 3.0, 1.0)},
+                                                            {"wrist_pos", swing(0.8, 4.1, 0.3)},
+                                                            {"wrist_xyz", swing(30.0, 4.1, 1.0)}});
+  EXPECT_NE(notes_of(robot).find("joint wrist is locked at zero, though 'wrist_pos' moves it: "
+                                 "--column 'wrist_xyz=torque@wrist' adds it"),
+            std::string::npos)
+      << notes_of(robot);
+  // And the option does.
+  const ModelProposal added = proposed({"waist", "wrist"},
+                                       {{"waist_pos", swing(1.0, 3.0, 0.0)},
+                                        {"waist_effort", swing(40.0, 3.0, 1.0)},
+                                        {"wrist_pos", swing(0.8, 4.1, 0.3)},
+                                        {"wrist_xyz", swing(30.0, 4.1, 1.0)}},
+                                       {"wrist_xyz=torque@wrist"});
+  EXPECT_EQ(value_of(added, "joints").substr(0, 17), "2, waist to wrist");
+  EXPECT_EQ(notes_of(added).find("locked"), std::string::npos) << notes_of(added);
+}
+
+TEST_F(RobotLogs, CountsOfServosAreAskedForAndCentred) {
+  const auto counted = [](double middle, double phase) -> Signal {
+    return [=](double t) { return std::round(middle + 500.0 * std::sin(3.0 * t + phase)); };
+  };
+  const std::vector<std::pair<std::string, Signal>> columns{
+      {"waist_position", counted(2048.0, 0.0)},
+      {"waist_current", swing(40.0, 3.0, 1.0)},
+      {"wrist_position", counted(2500.0, 0.5)},
+      {"wrist_current", swing(30.0, 3.0, 1.5)}};
+  const ModelProposal open = proposed({"waist", "wrist"}, columns);
+  ASSERT_EQ(open.questions.size(), 1U);
+  EXPECT_NE(open.questions.front().option.find("--counts-per-turn"), std::string::npos);
+  EXPECT_EQ(value_of(open, "positions").find("keep within"), std::string::npos)
+      << value_of(open, "positions");
+  const ModelProposal robot = proposed({"waist", "wrist"}, columns, {}, 4096.0);
+  EXPECT_TRUE(robot.questions.empty());
+  EXPECT_NE(value_of(robot, "positions").find("zero at 2048"), std::string::npos)
+      << value_of(robot, "positions");
+  EXPECT_NE(robot.campaign_text.find(
+                fmt::format("value: {:.8g}, unit: rad/counts", 2.0 * std::numbers::pi / 4096.0)),
+            std::string::npos)
+      << robot.campaign_text;
+  // Half a turn is subtracted.
+  EXPECT_NE(robot.campaign_text.find("name: centre, value: 3.1415927, unit: rad"),
+            std::string::npos)
+      << robot.campaign_text;
+  EXPECT_NE(robot.campaign_text.find("weights: [1, -1], unit: rad, name: position_wrist"),
+            std::string::npos);
+  // Angles are no counts.
+  testing::expect_refused(
+      [&] {
+        (void)proposed({"waist", "wrist"}, two_joints("wrist"), {}, 4096.0);
+      },
+      "--counts-per-turn: 'waist_pos' is in no whole numbers, not in counts");
+}
+
+TEST_F(RobotLogs, EffortsWithoutAUnitAreInUnitsOfTheirOwn) {
+  const ModelProposal robot = proposed({"waist", "wrist"}, two_joints("wrist"));
+  EXPECT_NE(robot.campaign_text.find("column: \"waist_effort\", unit: \"1\", gain: {value: 1, "
+                                     "unit: \"N m/1\"}"),
+            std::string::npos)
+      << robot.campaign_text;
+}
+
+TEST_F(RobotLogs, AJointThatGoesOneWayInAHalfIsSharedOut) {
+  // Swings, and from the middle on only goes back.
+  const double half = 0.5 * kRows * kStep;
+  const Signal one_way = [=](double t) {
+    return t < half ? 0.4 * std::sin(4.0 * t) : 0.4 * std::sin(4.0 * half) - 0.25 * (t - half);
+  };
+  std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
+  EXPECT_EQ(value_of(proposed({"waist", "wrist"}, columns), "kept out").substr(0, 15),
+            "the second half");
+  columns[2].second = one_way;
+  const ModelProposal robot = proposed({"waist", "wrist"}, columns);
+  EXPECT_NE(value_of(robot, "kept out").find("every second of"), std::string::npos)
+      << value_of(robot, "kept out") << notes_of(robot);
+  EXPECT_NE(value_of(robot, "kept out").find("joint wrist: the axis goes one way in one half"),
+            std::string::npos)
+      << value_of(robot, "kept out");
+}
+
+}  // namespace
+}  // namespace graybox
