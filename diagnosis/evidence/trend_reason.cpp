@@ -10,6 +10,7 @@ namespace graybox {
 namespace {
 
 constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
+constexpr double kLeastOfSignal = 0.03;
 
 // Beyond zero the line of the trend says no more than "none".
 struct Course {
@@ -77,11 +78,13 @@ bool is_much(const LawTrend& trend, std::span<const FoundEffect> effects) {
   return std::abs(trend.to - trend.from) > kTrendShare * larger;
 }
 
+bool matters(const LawTrend& trend) { return !(trend.of_signal < kLeastOfSignal); }
+
 const LawTrend* worst_of(std::span<const LawTrend> trends, std::span<const FoundEffect> effects) {
   const LawTrend* worst = nullptr;
   for (const LawTrend& trend : trends) {
     const bool is_worse = worst == nullptr || std::abs(trend.z) > std::abs(worst->z);
-    if (is_much(trend, effects) && is_worse) worst = &trend;
+    if (is_much(trend, effects) && matters(trend) && is_worse) worst = &trend;
   }
   return worst;
 }

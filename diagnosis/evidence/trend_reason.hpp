@@ -12,13 +12,14 @@
 namespace graybox {
 
 // Only trends count that change a parameter by a tenth of the law's largest in that unit. The test
-// fails where the most significant of them is 4.5 standard errors from none. The verdict is
+// fails where the most significant of them is 4.5 standard errors from none and takes 3 % of the
+// signal: less of a rest that depends on the motion is let pass, too. The verdict is
 // `unknown` where something changes with time. Else the law stands in for another one at its place
 // (`ambiguous`). `trends`: of the effects found; none: not tested, for the reason `why_not`.
 [[nodiscard]] VerdictReason trend_reason(std::span<const LawTrend> trends,
                                          std::span<const FoundEffect> effects, const char* why_not);
 
-// Those that make this test fail, most significant first.
+// Those of 4.5 standard errors, most significant first.
 [[nodiscard]] std::vector<LawTrend> told_trends(std::span<const LawTrend> trends,
                                                 std::span<const FoundEffect> effects);
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "diagnosis/force_balance/balance_regression.hpp"
 #include "diagnosis/force_balance/balance_uncertainty.hpp"
@@ -47,6 +46,8 @@ class BalanceTrends {
       : rows_(data.estimation), model_(rows_.model.count) {
     const Eigen::VectorXd noise = rms_of(rows_, residuals);
     rest_ = residuals * noise.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd about_mean = rows_.measured.rowwise() - rows_.measured.colwise().mean();
+    noise_of_signal_ = noise.cwiseQuotient(rms_of(rows_, about_mean));
     columns_ = information_columns(data, laws, noise, of_laws_);
     basis_.resize(columns_.rows(), 0);
     is_seen_ = extend_basis(columns_, basis_);
@@ -58,25 +59,28 @@ class BalanceTrends {
     if (const std::vector<std::size_t> scaled = law.scaled(); !scaled.empty()) {
       asked.push_back(scaled.front());
     }
-    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0};
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, {}, 0.0};
     for (std::size_t k = 0; k < of_laws_.size(); ++k) {
       const LawColumn& column = of_laws_[k];
       if (column.law != l || std::ranges::count(asked, column.parameter) == 0) continue;
       if (!is_seen_[static_cast<std::size_t>(model_) + k]) continue;
       for (const TrendCovariate& with : covariates) {
-        const auto [slope, z] = trend(columns_.col(model_ + static_cast<Index>(k)), with.values);
-        if (std::abs(z) <= std::abs(most.z)) continue;
-        const double value = law.parameters[column.parameter], half = 0.5 * slope;
-        most = {l, column.parameter, with.on, value - half, value + half, z};
+        const Trend found = trend(columns_.col(model_ + static_cast<Index>(k)), with.values);
+        if (std::abs(found.z) <= std::abs(most.z)) continue;
+        const double value = law.parameters[column.parameter], half = 0.5 * found.slope;
+        most = {l,  column.parameter, with.on, value - half, value + half, found.z,
+                {}, found.of_signal};
       }
     }
     return most;
   }
 
  private:
-  // Slope and z.
-  [[nodiscard]] std::pair<double, double> trend(const Eigen::VectorXd& column,
-                                                const Eigen::VectorXd& covariate) const {
+  struct Trend {
+    double slope = 0.0, z = 0.0, of_signal = 0.0;
+  };
+
+  [[nodiscard]] Trend trend(const Eigen::VectorXd& column, const Eigen::VectorXd& covariate) const {
     const Index samples = rows_.samples(), coordinates = rows_.coordinates();
     Eigen::VectorXd moved = column;
     const double mean = covariate.mean();
@@ -86,19 +90,22 @@ class BalanceTrends {
     const double all = moved.squaredNorm();
     moved -= basis_ * (basis_.transpose() * moved);
     const double square = moved.squaredNorm();
-    if (!(square > kImitated * all)) return {0.0, 0.0};
+    if (!(square > kImitated * all)) return {};
     const Eigen::Map<const Eigen::MatrixXd> own(moved.data(), samples, coordinates);
     const double slope = own.cwiseProduct(rest_).sum() / square;
     const Eigen::VectorXd score =
         own.cwiseProduct(rest_ - slope * own).rowwise().sum();  // what the trend leaves
     const double variance = covariance_of_sums(rows_, score, 0)(0, 0);
-    if (!(variance > 0.0)) return {0.0, 0.0};
-    return {slope, slope * square / std::sqrt(variance)};
+    if (!(variance > 0.0)) return {};
+    const Eigen::VectorXd moves = own.colwise().norm() / std::sqrt(static_cast<double>(samples));
+    return {slope, slope * square / std::sqrt(variance),
+            std::abs(slope) * moves.cwiseProduct(noise_of_signal_).maxCoeff()};
   }
 
   const ForceBalanceRows& rows_;
-  Index model_;              // columns of the model's own parameters
-  Eigen::MatrixXd rest_;     // residuals over the noise, samples x coordinates
+  Index model_;           // columns of the model's own parameters
+  Eigen::MatrixXd rest_;  // residuals over the noise, samples x coordinates
+  Eigen::VectorXd noise_of_signal_;
   Eigen::MatrixXd columns_;  // of all parameters, coordinate after coordinate
   Eigen::MatrixXd basis_;
   std::vector<bool> is_seen_;  // columns that those before leave something of

@@ -9,6 +9,7 @@
 #include <iterator>
 
 #include "diagnosis/force_balance_data/clipped_forces.hpp"
+#include "diagnosis/force_balance_data/held_commands.hpp"
 #include "diagnosis/force_balance_data/late_forces.hpp"
 #include "diagnosis/force_balance_data/standstill.hpp"
 #include "diagnosis/hypotheses/place_file.hpp"
@@ -576,6 +577,8 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   ForceBalanceData data;
   data.advance = advance;
   std::vector<MotionRecord> records = read_motion_records(robot, campaign);
+  const bool may_be_held = robot.channels.commanded_torque && campaign.hold == InputHold::kZero;
+  if (may_be_held && are_held_commands(records)) take_means_of_held(records);
   advance_forces(advance, records);
   leave_out_standstill(robot, records, data);
   leave_out_clipped(robot, records, data);

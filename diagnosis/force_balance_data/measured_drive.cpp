@@ -30,6 +30,7 @@ bool take_channel(const LumpedModel& model, LumpedOutput::Quantity quantity,
 bool take_channels(const LumpedModel& model, RobotChannels& channels) {
   using enum LumpedOutput::Quantity;
   channels.torque = model.input_names;
+  channels.commanded_torque = true;
   if (!take_channel(model, kPosition, channels.position) ||
       !take_channel(model, kVelocity, channels.velocity) ||
       !take_channel(model, kAcceleration, channels.acceleration)) {

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct LawTrend {
   double from = 0.0, to = 0.0;
   double z = 0.0;        // slope over its standard error
   std::string law_at{};  // "coulomb at axis"
+  // What only the change explains of its channel, rms over that of the signal; NaN: not known.
+  double of_signal = std::numeric_limits<double>::quiet_NaN();
 };
 
 // What a parameter may change with: a value each sample, over one from least to most.

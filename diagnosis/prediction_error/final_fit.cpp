@@ -378,9 +378,9 @@ PredictionTask FinalFit::held_out_task(const PredictionTask& task) const {
                         : data_->windows(task.horizon, ExperimentRole::kValidation);
 }
 
-std::optional<HeldOutError> FinalFit::law_held_out(const JudgedModel& model) const {
+std::optional<HeldOutError> FinalFit::held_out_by(const JudgedModel& model,
+                                                  const PredictionTask& task) const {
   if (!data_->has_validation() || !model.fit.usable) return {};
-  const PredictionTask& task = disturbance_.is_there() ? task_ : judged_by_;
   const PredictionTask kept_out = held_out_task(task);
   const PredictionFitter ahead = fitter(kept_out);
   const PredictionFit run = ahead.fit(model.fit.model, weights_, {}, 0, false);

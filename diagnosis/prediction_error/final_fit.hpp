@@ -75,7 +75,13 @@ class FinalFit {
   [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const;
   // The error kept out by which laws are weighed: as far ahead as the fit looks where it stands
   // beside a disturbance, which costs more over a whole run than any law; else that of the model.
-  [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const;
+  [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const {
+    return held_out_by(model, disturbance_.is_there() ? task_ : judged_by_);
+  }
+  // That by which the model is judged: in free run, or as far ahead as it can be foreseen.
+  [[nodiscard]] std::optional<HeldOutError> held_out_as_judged(const JudgedModel& model) const {
+    return held_out_by(model, judged_by_);
+  }
   // The model found, fitted to the recordings kept out by themselves; unusable without any.
   [[nodiscard]] JudgedModel fitted_to_kept_out() const;
   // Each output's error on recordings kept out, over that of the fit; none below the noise. Where
@@ -98,6 +104,8 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
+  [[nodiscard]] std::optional<HeldOutError> held_out_by(const JudgedModel& model,
+                                                        const PredictionTask& task) const;
   // The best fit of the model with this law, of those starts that replace this part; none: of those
   // that replace nothing.
   [[nodiscard]] JudgedModel best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,

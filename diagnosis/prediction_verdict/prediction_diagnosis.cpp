@@ -35,7 +35,9 @@ using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
-constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+// For the search, and for the final fit of what it found.
+constexpr SampleReduction kOfSearch{.most = 8000, .may_cut = true};
+constexpr SampleReduction kOfFinalFit{.most = 12000, .may_cut = false};
 
 Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
                       double samples) {
@@ -479,13 +481,15 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   }
   Campaign changed = campaign;
   changed.hold = InputHold::kFirst;
-  PredictionData other(stated, changed, threads);
+  PredictionData recorded(stated, campaign, threads), other(stated, changed, threads);
+  recorded.limit_noise(data.noise());
   other.limit_noise(data.noise());
   HoldComparison both;
   const ExtendedLumpedModel model = without_fillers(final.found().fit.model);
-  for (const Index horizon : {data.first_horizon(), final.found().horizon}) {
-    HoldComparison each =
-        compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
+  const auto thinned_by = std::lround(data.sample_time() / recorded.sample_time());
+  for (const Index horizon : {recorded.first_horizon(), thinned_by * final.found().horizon}) {
+    HoldComparison each = compare_holds(recorded, other, model, recorded.windows(horizon),
+                                        findings.intensity, threads);
     if (each.usable && each.z > both.z) both = each;
   }
   const bool is_better =
@@ -554,9 +558,9 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
                                      std::optional<HoldComparison>* other) {
   require_lumped(model);
   LumpedModel stated = load_lumped_model(model);
-  PredictionData data(stated, campaign, threads);
+  PredictionData data(stated, campaign, threads, kOfFinalFit);
   const std::string held = hold_scale(data, stated);
-  PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  PredictionData searched(stated, campaign, threads, kOfSearch);
   require_windows(stated, searched, campaign);
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;

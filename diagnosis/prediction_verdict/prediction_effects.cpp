@@ -53,8 +53,18 @@ FittedLaw fitted_law(const ExtendedLumpedModel& model, const PlacedFinding& law,
 }
 
 std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& without) const {
-  const auto poorer = from_.final->law_held_out(without);
-  const auto richer = from_.final->law_held_out(from_.final->found());
+  constexpr double kAsGoodAsNothing = 5.0;  // % of the signal
+  const auto effect = effect_between(from_.final->law_held_out(without),
+                                     from_.final->law_held_out(from_.final->found()));
+  if (!effect || !effect->misleads || effect->error_with > kAsGoodAsNothing) return effect;
+  // So little ahead hardly anything is missed with or without it.
+  const auto judged = effect_between(from_.final->held_out_as_judged(without),
+                                     from_.final->held_out_as_judged(from_.final->found()));
+  return judged ? judged : effect;
+}
+
+std::optional<HeldOutEffect> PredictionEffects::effect_between(
+    const std::optional<HeldOutError>& poorer, const std::optional<HeldOutError>& richer) const {
   if (!poorer || !richer) return {};
   const VectorXd& scale = from_.final->found().held_out_scale;
   HeldOutEffect effect;

@@ -29,6 +29,8 @@ class PredictionEffects {
 
  private:
   [[nodiscard]] std::optional<HeldOutEffect> effect_of(const JudgedModel& without) const;
+  [[nodiscard]] std::optional<HeldOutEffect> effect_between(
+      const std::optional<HeldOutError>& poorer, const std::optional<HeldOutError>& richer) const;
   [[nodiscard]] bool contains(std::size_t richer, std::size_t plainer) const;
   void add_rivals(const AcceptedLaw& accepted, std::size_t law, FoundEffect& effect) const;
   void add_rivals_elsewhere(std::size_t found, const JudgedModel& without,

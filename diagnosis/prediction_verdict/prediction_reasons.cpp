@@ -22,7 +22,8 @@ constexpr const char* kForceTest = "force left at";
 constexpr const char* kFittedTest = "error on the recordings of the fit";
 constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kHeldOutLimit = 15.0;                     // % of the signal
-constexpr double kNoiseLimit = 1.5;                        // times the stated noise
+constexpr double kNoiseLimit = 1.5;                        // times the noise
+constexpr double kUnstatedLimit = 2.0 * kHeldOutLimit;     // where it is not stated
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kNotSmall = 5.0;                          // % of the signal
@@ -129,6 +130,13 @@ bool PredictionReasons::is_disturbance() const {
          100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kSmallForce;
 }
 
+// Noise that is read from differences may be motion: it excuses so much and no more.
+double PredictionReasons::limit_of_error(Index output, double scale) const {
+  const double noise = 100.0 * kNoiseLimit * from_.data->noise()(output) / scale;
+  const bool is_stated = from_.data->states_noise(output);
+  return std::max(kHeldOutLimit, is_stated ? noise : std::min(noise, kUnstatedLimit));
+}
+
 void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   const JudgedModel& found = from_.final->found();
   if (!found.held_out_error) {
@@ -138,10 +146,7 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
     list.push_back(std::move(reason));
     return;
   }
-  const auto limits = [&](Index j) {
-    const double noise = 100.0 * kNoiseLimit * from_.data->noise()(j) / found.held_out_scale(j);
-    return std::max(kHeldOutLimit, noise);
-  };
+  const auto limits = [&](Index j) { return limit_of_error(j, found.held_out_scale(j)); };
   const auto percent = [&](const VectorXd& error, Index j) {
     return 100.0 * error(j) / found.held_out_scale(j);
   };
@@ -175,8 +180,7 @@ void PredictionReasons::add_fitted(std::vector<VerdictReason>& list) const {
   for (Index j = 0; j < from_.data->output_count(); ++j) {
     const double scale = from_.data->output_scale()(j);
     const double error = 100.0 * found.error(j) / scale;
-    const double limit =
-        std::max(kHeldOutLimit, 100.0 * kNoiseLimit * from_.data->noise()(j) / scale);
+    const double limit = limit_of_error(j, scale);
     list.push_back(
         test(fmt::format("{} of {} in free run, % of its signal", kFittedTest,
                          from_.stated->output_names[static_cast<std::size_t>(j)]),

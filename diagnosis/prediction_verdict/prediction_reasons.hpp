@@ -26,6 +26,8 @@ class PredictionReasons {
 
  private:
   [[nodiscard]] bool is_within_a_step() const;
+  // % of an output's signal.
+  [[nodiscard]] double limit_of_error(Eigen::Index output, double scale) const;
   void add_held_out(std::vector<VerdictReason>& list) const;
   void add_fitted(std::vector<VerdictReason>& list) const;
   void add_growth(std::vector<VerdictReason>& list) const;

@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 #include <cmath>
+#include <limits>
 
 namespace graybox {
 namespace {
@@ -12,6 +13,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kImitated = 1e-4;  // of the direction's square: the parameters take all of it
 
 MatrixXd basis_of(const MatrixXd& columns) {
@@ -90,7 +92,7 @@ std::vector<LawTrend> law_trends(const PredictionTask& task, Index outputs,
     const std::size_t first = fit.model.first_parameter(law.part);
     const Hypothesis& hypothesis = hypotheses[law.hypothesis];
     const std::string law_at = fmt::format("{} at {}", hypothesis.law, hypothesis.place);
-    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, law_at};
+    LawTrend most{l, 0, LawTrend::On::kTime, 0.0, 0.0, 0.0, law_at, kUnknown};
     for (std::size_t i = 0; i < fit.free.size(); ++i) {
       if (fit.free[i] < first || fit.free[i] >= first + part.parameters.size()) continue;
       const ParameterSpace& space = fit.model.space[fit.free[i]];
@@ -100,7 +102,8 @@ std::vector<LawTrend> law_trends(const PredictionTask& task, Index outputs,
         const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
         if (std::abs(trend.z) <= std::abs(most.z)) continue;
         const double half = 0.5 * unit * trend.slope;
-        most = {l, fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at};
+        most = {l,       fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at,
+                kUnknown};
       }
     }
     trends.push_back(most);

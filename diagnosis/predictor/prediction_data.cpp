@@ -182,7 +182,9 @@ void cut(Index most, OutputErrorData& data) {
   });
 }
 
-OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index most) {
+OutputErrorData reduced(const LumpedModel& model, OutputErrorData data,
+                        SampleReduction reduction) {
+  const Index most = reduction.most;
   Index samples = 0;
   for (const OutputErrorRecording& recording : data.recordings) {
     if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
@@ -198,7 +200,7 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index mo
     for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
     break;
   }
-  cut(most, data);
+  if (reduction.may_cut) cut(most, data);
   return data;
 }
 
@@ -308,8 +310,8 @@ BlockEdges PredictionTask::edges(Index outputs, Index most_blocks) const {
 }
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
-                               Index most_samples)
-    : PredictionData(model, reduced(model, even_data(model, campaign), most_samples), threads) {}
+                               SampleReduction reduction)
+    : PredictionData(model, reduced(model, even_data(model, campaign), reduction), threads) {}
 
 PredictionData PredictionData::with_reversed(const LumpedModel& model,
                                              const std::vector<bool>& reversed, int threads) const {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <iterator>
 #include <map>
 #include <optional>
@@ -486,34 +487,63 @@ std::string lack_of(const Diagnosis& diagnosis) {
   return is_open ? "do not determine the mass that moves" : "";
 }
 
-// A short log that is cut in two may show in neither part what it shows as a whole. Where no law
-// was found that holds on both, or no mass, all recordings are fitted. Nothing is left to test what
-// is found then, so its verdict is `ambiguous` at best.
-struct AnswerOfAll {
+struct AnswerOfOthers {
   Method method;
-  Campaign campaign;  // with none kept out
+  Campaign campaign;
   DiagnosisAnswer answer;
 };
-std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& request,
-                                        const Campaign& campaign, const Diagnosis& first,
-                                        bool& was_stopped) {
-  const std::string lack = lack_of(first);
-  const bool is_asked = method.is_lumped && method.name != "periodic" && !lack.empty();
-  if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
-  AnswerOfAll all{method, campaign, {}};
-  for (Experiment& experiment : all.campaign.experiments) {
-    if (experiment.role == ExperimentRole::kValidation) {
-      experiment.role = ExperimentRole::kEstimation;
-    }
+
+// A diagnosis once more with recordings in these roles; none where it finds nothing either.
+std::optional<AnswerOfOthers> found_with_roles(
+    const Method& method, DiagnosisRequest& request, const Campaign& campaign,
+    const std::function<ExperimentRole(ExperimentRole)>& role, bool& was_stopped) {
+  AnswerOfOthers others{method, campaign, {}};
+  for (Experiment& experiment : others.campaign.experiments) {
+    experiment.role = role(experiment.role);
   }
-  all.answer = answer_by(all.method, request, all.campaign);
-  Diagnosis& diagnosis = all.answer.diagnosis;
+  others.answer = answer_by(others.method, request, others.campaign);
+  const Diagnosis& diagnosis = others.answer.diagnosis;
   was_stopped = diagnosis.interrupted;
   const bool is_found = lack_of(diagnosis).empty() && diagnosis.channel_faults.empty() &&
                         !diagnosis.interrupted && !diagnosis.effects.empty() &&
                         is_of_a_machine(diagnosis) &&
-                        !has_signal_laws_only(diagnosis, all.answer.hypotheses());
+                        !has_signal_laws_only(diagnosis, others.answer.hypotheses());
   if (!is_found) return {};
+  return others;
+}
+
+// Which of two equal recordings is named first is chance. Where the first shows no law that holds
+// on the other, they change places, and what the other shows is tested on the first.
+std::optional<AnswerOfOthers> found_in_others(const Method& method, DiagnosisRequest& request,
+                                              const Campaign& campaign, const std::string& lack,
+                                              bool& was_stopped) {
+  const auto exchanged = [](ExperimentRole role) {
+    if (role == ExperimentRole::kEstimation) return ExperimentRole::kValidation;
+    return role == ExperimentRole::kValidation ? ExperimentRole::kEstimation : role;
+  };
+  auto others = found_with_roles(method, request, campaign, exchanged, was_stopped);
+  if (!others) return {};
+  Diagnosis& diagnosis = others->answer.diagnosis;
+  if (diagnosis.verdict == Verdict::kUnknown || diagnosis.verdict == Verdict::kNone) return {};
+  diagnosis.assumptions.push_back(
+      fmt::format("The recordings of the fit {}. So the two changed places: those kept out were "
+                  "fitted, and what they show was tested on the others.",
+                  lack));
+  return others;
+}
+
+// A short log that is cut in two may show in neither part what it shows as a whole. Where no law
+// was found that holds on both, or no mass, all recordings are fitted. Nothing is left to test what
+// is found then, so its verdict is `ambiguous` at best.
+std::optional<AnswerOfOthers> found_in_all(const Method& method, DiagnosisRequest& request,
+                                           const Campaign& campaign, const std::string& lack,
+                                           bool& was_stopped) {
+  const auto fitted = [](ExperimentRole role) {
+    return role == ExperimentRole::kValidation ? ExperimentRole::kEstimation : role;
+  };
+  auto all = found_with_roles(method, request, campaign, fitted, was_stopped);
+  if (!all) return {};
+  Diagnosis& diagnosis = all->answer.diagnosis;
   diagnosis.assumptions.push_back(
       fmt::format("The recordings of the fit alone {}. So those kept out were fitted, too, and "
                   "nothing has tested what was found.",
@@ -523,6 +553,18 @@ std::optional<AnswerOfAll> found_in_all(const Method& method, DiagnosisRequest& 
     reason.next = "record more: these are too few to find a law in some and test it on the others";
   }
   return all;
+}
+
+// What few recordings show where those of the fit alone do not.
+std::optional<AnswerOfOthers> found_otherwise(const Method& method, DiagnosisRequest& request,
+                                              const Campaign& campaign, const Diagnosis& first,
+                                              bool& was_stopped) {
+  const std::string lack = lack_of(first);
+  const bool is_asked = method.is_lumped && method.name != "periodic" && !lack.empty();
+  if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
+  auto others = found_in_others(method, request, campaign, lack, was_stopped);
+  if (others || was_stopped) return others;
+  return found_in_all(method, request, campaign, lack, was_stopped);
 }
 
 // Drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known: a
@@ -601,7 +643,7 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   Method method = chosen_method(request, campaign);
   DiagnosisAnswer answer = answer_by(method, request, campaign);
   bool was_stopped = false;
-  if (auto all = found_in_all(method, request, campaign, answer.diagnosis, was_stopped)) {
+  if (auto all = found_otherwise(method, request, campaign, answer.diagnosis, was_stopped)) {
     method = std::move(all->method);
     campaign = std::move(all->campaign);
     answer = std::move(all->answer);

@@ -298,7 +298,8 @@ Json trends_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothe
                     {"with", covariate_name(trend.on)},
                     {"from", number(trend.from)},
                     {"to", number(trend.to)},
-                    {"standard_errors", number(std::abs(trend.z))}});
+                    {"standard_errors", number(std::abs(trend.z))},
+                    {"of_signal", number(trend.of_signal)}});
   }
   return list;
 }

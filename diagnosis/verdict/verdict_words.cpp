@@ -493,8 +493,12 @@ std::vector<std::string> lines_of_laws(const Diagnosis& diagnosis,
   std::vector<std::string> lines = friction_lines(diagnosis, hypotheses);
   if (excluding(diagnosis.implausible) > 0) return lines;
   for (const LawTrend& trend : told_trends(diagnosis.trends, diagnosis.effects)) {
-    lines.push_back(fmt::format("Changes: {} ({:.2g} standard errors from none).",
-                                trend_words(trend, diagnosis.effects), std::abs(trend.z)));
+    const std::string share =
+        std::isfinite(trend.of_signal)
+            ? fmt::format("; it takes {:.2g} % of the signal", 100.0 * trend.of_signal)
+            : "";
+    lines.push_back(fmt::format("Changes: {} ({:.2g} standard errors from none{}).",
+                                trend_words(trend, diagnosis.effects), std::abs(trend.z), share));
   }
   return lines;
 }
@@ -520,6 +524,14 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   return words + " Let the machine warm up, look for what works loose, and record for longer.";
 }
 
+// A force several times what ever acted there stands in for something else.
+bool exceeds_what_acted(const FittedLaw& law, const Diagnosis& diagnosis) {
+  return std::ranges::any_of(diagnosis.implausible, [&](const Implausibility& flaw) {
+    return flaw.rule == PlausibilityRule::kSize &&
+           std::ranges::count(law.parameters, flaw.value, &LawParameterEstimate::value) > 0;
+  });
+}
+
 void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   std::size_t blind = 0;
   for (const DetectableEffect& effect : diagnosis.detectable) {
@@ -535,7 +547,8 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 }  // namespace
 
 bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
-  return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) || has_no_size(effect.law);
+  return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) ||
+         has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis);
 }
 
 namespace {

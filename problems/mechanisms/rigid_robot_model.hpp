@@ -64,6 +64,8 @@ struct RobotChannels {
   std::vector<std::string> torque, position, velocity, acceleration;
   bool motor_torque = false;    // u and not N^T u
   bool motor_position = false;  // q_m and not q; so are velocity and acceleration
+  // The torques may be commands, which a drive holds until the next sample.
+  bool commanded_torque = false;
   // Each drive reports its torque in a unit of its own: u_j = gain_j times what is recorded. Then N
   // is diagonal, and no element but a payload acts on two joints. A payload's mass is refined.
   bool unknown_drive_gains = false;

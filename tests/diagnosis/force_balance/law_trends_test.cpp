@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 
@@ -83,6 +84,44 @@ TEST(LawTrends, FrictionThatFadesIsUnknownAndSaysFromWhatToWhat) {
   EXPECT_TRUE(first->test.starts_with("what was found changes")) << first->test;
   EXPECT_NE(trend_words(trend, diagnosis.effects).find("where recordings begin"),
             std::string::npos);
+}
+
+// Its rms over that of the force, by the sums themselves: (share - 1/2) takes 3/sqrt(12) N, less
+// what a constant level and the noise take or leave of it.
+TEST(LawTrends, WhatAChangeTakesOfTheSignalIsTold) {
+  const double change = 3.0;
+  const Diagnosis diagnosis = diagnosis_of(
+      [&](double share, double, double v) { return (6.0 - change * share) * direction_of(v); }, 3);
+  ASSERT_FALSE(diagnosis.trends.empty());
+  double squares = 0.0;  // of the force about its mean, which is nearly zero
+  for (int k = 0; k < 1500; ++k) {
+    const double t = 0.01 * k;
+    double v = 0.0, a = 0.0;
+    for (const auto& [amplitude, w] :
+         {std::array{0.3, 1.1}, std::array{0.1, 2.9}, std::array{0.03, 6.1}}) {
+      v += amplitude * w * std::cos(w * t);
+      a -= amplitude * w * w * std::sin(w * t);
+    }
+    squares += std::pow(12.0 * a + (6.0 - change * k / 1500.0) * direction_of(v), 2);
+  }
+  const double wanted = change / std::sqrt(12.0) / std::sqrt(squares / 1500.0);
+  EXPECT_NEAR(diagnosis.trends.front().of_signal, wanted, 0.15 * wanted);
+}
+
+// A guide that is worn by little is told, and spoils no verdict: it takes less than a rest that
+// depends on the motion may leave.
+TEST(LawTrends, AChangeThatTakesLittleOfTheSignalIsToldAndPasses) {
+  FoundEffect effect;
+  effect.law.parameters.push_back({"value", "N", 3.2, 0.02});
+  const std::array effects{effect};
+  std::array trends{
+      LawTrend{0, 0, LawTrend::On::kPosition, 2.2, 4.2, 12.0, "offset at axis", 0.02}};
+  EXPECT_TRUE(trend_reason(trends, effects, "").passed);
+  EXPECT_EQ(told_trends(trends, effects).size(), 1U);
+  trends.front().of_signal = 0.04;
+  EXPECT_FALSE(trend_reason(trends, effects, "").passed);
+  trends.front().of_signal = std::numeric_limits<double>::quiet_NaN();  // not known
+  EXPECT_FALSE(trend_reason(trends, effects, "").passed);
 }
 
 TEST(LawTrends, FrictionThatGrowsAlongTheWayIsNotSure) {
