@@ -35,9 +35,7 @@ using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
-// For the search, and for the final fit of what it found.
-constexpr SampleReduction kOfSearch{.most = 8000, .may_cut = true};
-constexpr SampleReduction kOfFinalFit{.most = 12000, .may_cut = false};
+constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
 
 Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
                       double samples) {
@@ -481,15 +479,13 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   }
   Campaign changed = campaign;
   changed.hold = InputHold::kFirst;
-  PredictionData recorded(stated, campaign, threads), other(stated, changed, threads);
-  recorded.limit_noise(data.noise());
+  PredictionData other(stated, changed, threads);
   other.limit_noise(data.noise());
   HoldComparison both;
   const ExtendedLumpedModel model = without_fillers(final.found().fit.model);
-  const auto thinned_by = std::lround(data.sample_time() / recorded.sample_time());
-  for (const Index horizon : {recorded.first_horizon(), thinned_by * final.found().horizon}) {
-    HoldComparison each = compare_holds(recorded, other, model, recorded.windows(horizon),
-                                        findings.intensity, threads);
+  for (const Index horizon : {data.first_horizon(), final.found().horizon}) {
+    HoldComparison each =
+        compare_holds(data, other, model, data.windows(horizon), findings.intensity, threads);
     if (each.usable && each.z > both.z) both = each;
   }
   const bool is_better =
@@ -558,9 +554,9 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
                                      std::optional<HoldComparison>* other) {
   require_lumped(model);
   LumpedModel stated = load_lumped_model(model);
-  PredictionData data(stated, campaign, threads, kOfFinalFit);
+  PredictionData data(stated, campaign, threads);
   const std::string held = hold_scale(data, stated);
-  PredictionData searched(stated, campaign, threads, kOfSearch);
+  PredictionData searched(stated, campaign, threads, kSearchedSamples);
   require_windows(stated, searched, campaign);
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;

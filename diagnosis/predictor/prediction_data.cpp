@@ -182,9 +182,7 @@ void cut(Index most, OutputErrorData& data) {
   });
 }
 
-OutputErrorData reduced(const LumpedModel& model, OutputErrorData data,
-                        SampleReduction reduction) {
-  const Index most = reduction.most;
+OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index most) {
   Index samples = 0;
   for (const OutputErrorRecording& recording : data.recordings) {
     if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
@@ -200,7 +198,7 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data,
     for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
     break;
   }
-  if (reduction.may_cut) cut(most, data);
+  cut(most, data);
   return data;
 }
 
@@ -310,8 +308,8 @@ BlockEdges PredictionTask::edges(Index outputs, Index most_blocks) const {
 }
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
-                               SampleReduction reduction)
-    : PredictionData(model, reduced(model, even_data(model, campaign), reduction), threads) {}
+                               Index most_samples)
+    : PredictionData(model, reduced(model, even_data(model, campaign), most_samples), threads) {}
 
 PredictionData PredictionData::with_reversed(const LumpedModel& model,
                                              const std::vector<bool>& reversed, int threads) const {

@@ -56,19 +56,14 @@ struct PredictionTask {
 inline constexpr Eigen::Index kFewestHorizonWindows = 10;                // of a horizon
 inline constexpr Eigen::Index kFirstHorizon = 10, kShortestHorizon = 3;  // samples
 
-// More samples of the fit than `most` (0: all are taken) are thinned: every f-th sample of the
-// outputs, the mean of the inputs between. That is done where the inputs hold, the model's fastest
-// mode lets it, and what is dropped of the inputs is small.
-struct SampleReduction {
-  Eigen::Index most = 0;
-  bool may_cut = false;  // to the first, where thinning does not lead so far
-};
-
 class PredictionData {
  public:
-  // Throws InputError for what load_output_error_data refuses and for times that are not even.
+  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the
+  // mean of the inputs between, where the inputs hold, the model's fastest mode lets it, and what
+  // is dropped of the inputs is small; else cut to the first. Throws InputError for what
+  // load_output_error_data refuses and for times that are not even.
   PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
-                 SampleReduction reduction = {});
+                 Eigen::Index most_samples = 0);
 
   // The same with these outputs of the opposite sign.
   [[nodiscard]] PredictionData with_reversed(const LumpedModel& model,

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -555,7 +556,17 @@ std::optional<AnswerOfOthers> found_in_all(const Method& method, DiagnosisReques
   return all;
 }
 
-// What few recordings show where those of the fit alone do not.
+std::set<std::pair<std::string, std::string>> laws_of(const DiagnosisAnswer& answer) {
+  std::set<std::pair<std::string, std::string>> laws;
+  for (const FoundEffect& effect : answer.diagnosis.effects) {
+    const Hypothesis& hypothesis = answer.hypotheses()[effect.law.hypothesis];
+    laws.emplace(hypothesis.law, hypothesis.place);
+  }
+  return laws;
+}
+
+// What few recordings show where those of the fit alone do not. What those kept out show by
+// themselves and all together do not is another law that happens to hold on the others.
 std::optional<AnswerOfOthers> found_otherwise(const Method& method, DiagnosisRequest& request,
                                               const Campaign& campaign, const Diagnosis& first,
                                               bool& was_stopped) {
@@ -563,8 +574,11 @@ std::optional<AnswerOfOthers> found_otherwise(const Method& method, DiagnosisReq
   const bool is_asked = method.is_lumped && method.name != "periodic" && !lack.empty();
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
   auto others = found_in_others(method, request, campaign, lack, was_stopped);
-  if (others || was_stopped) return others;
-  return found_in_all(method, request, campaign, lack, was_stopped);
+  if (was_stopped) return {};
+  auto all = found_in_all(method, request, campaign, lack, was_stopped);
+  if (was_stopped || !others) return all;
+  return !all || laws_of(all->answer) == laws_of(others->answer) ? std::move(others)
+                                                                 : std::move(all);
 }
 
 // Drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known: a

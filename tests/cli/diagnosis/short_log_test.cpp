@@ -63,16 +63,20 @@ outputs:
   - {{name: {}, mass: axis, quantity: {}}}
 )",
                                                       channel, quantity));
+    write_campaign("fall.csv", "driven.csv", channel, unit);
+  }
+  void write_campaign(const std::string& fitted, const std::string& kept_out,
+                      const std::string& channel, const std::string& unit) {
     write_text(folder_.file("campaign.yaml"), fmt::format(R"(format: graybox-campaign/1
 sample_time: 0.004
 channels:
   - {{name: torque, unit: N m, is: input}}
   - {{name: {}, unit: {}, is: output}}
 experiments:
-  - {{file: fall.csv}}
-  - {{file: driven.csv, role: validation}}
+  - {{file: {}}}
+  - {{file: {}, role: validation}}
 )",
-                                                          channel, unit));
+                                                          channel, unit, fitted, kept_out));
   }
   [[nodiscard]] Json diagnosis() {
     const Outcome outcome = graybox("diagnose axis.yaml campaign.yaml --json");
@@ -81,19 +85,38 @@ experiments:
   }
 };
 
-// A free fall does not tell weight from inertia, which the driven motion kept out does. With both
-// in the fit the weight is found, and nothing has tested it.
-TEST_F(ShortLog, AllRecordingsAreFittedWhereAPartShowsNoLaw) {
+// A free fall does not tell weight from inertia, which the driven motion kept out does. What that
+// one shows is tested on the fall: which of the two is named first makes no difference.
+TEST_F(ShortLog, RecordingsChangePlacesWhereThoseOfTheFitShowNoLaw) {
   write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
   write_run("driven.csv", {0.6, 3.5, 0.1}, 100, 2);
   write_files("angle", "position", "rad");
   const Json found = diagnosis();
   ASSERT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
+  EXPECT_EQ(found["physics"][0]["law"], "gravity");
+  EXPECT_NEAR(found["physics"][0]["parameters"]["sine"]["value"].get<double>(), kWeight,
+              0.1 * kWeight);
+  EXPECT_NE(found["words"].dump().find("the two changed places"), std::string::npos)
+      << found["words"].dump(1);
+  write_campaign("driven.csv", "fall.csv", "angle", "rad");
+  const Json other = diagnosis();
+  EXPECT_EQ(other["physics"], found["physics"]);
+  EXPECT_EQ(other["verdict"], found["verdict"]);
+  EXPECT_EQ(other["words"].dump().find("changed places"), std::string::npos);
+}
+
+// A driven motion of 40 samples shows no weight by itself either. With both in the fit it is found,
+// and nothing has tested it.
+TEST_F(ShortLog, AllRecordingsAreFittedWhereNeitherPartShowsALaw) {
+  write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
+  write_run("driven.csv", {0.6, 3.5, 0.1}, 40, 2);
+  write_files("angle", "position", "rad");
+  const Json found = diagnosis();
+  ASSERT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
   const Json& weight = found["physics"][0];
   EXPECT_EQ(weight["law"], "gravity");
-  const Json& sine = weight["parameters"]["sine"];
-  EXPECT_NEAR(sine["value"].get<double>(), kWeight,
-              std::max(0.003, 4.0 * sine["standard_error"].get<double>()));
+  // The noise of the recorded torque is none of the machine's: 0.4 s of it are worth a twentieth.
+  EXPECT_NEAR(weight["parameters"]["sine"]["value"].get<double>(), kWeight, 0.1 * kWeight);
   EXPECT_EQ(found["verdict"], "ambiguous");
   EXPECT_NE(found["words"].dump().find("were fitted, too, and nothing has tested"),
             std::string::npos)

@@ -186,5 +186,19 @@ TEST(ShortLogs, SayWhichSizesHoldOnlyWithoutAnotherForce) {
   }
 }
 
+// A sensor that reads noise alone tells no model: an error of all of the signal is no `none`,
+// however much of it passes for noise that nobody has stated.
+TEST(ShortLogs, NoiseAloneIsNotAModelThatLacksNothing) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const testing::TemporaryFolder folder;
+    const Wheel wheel{.inertia = 2.0, .damping = 5.0};
+    write_wheel(folder, "velocity", {"b"});
+    for (const std::string log : {"a", "b"}) {
+      write_log(folder, log, wheel, steps({1.0, -0.5, 0.7, -1.0}, 160), "velocity", 1.0, seed);
+    }
+    EXPECT_EQ(diagnosed(folder).diagnosis.verdict, Verdict::kUnknown) << seed;
+  }
+}
+
 }  // namespace
 }  // namespace graybox
