@@ -59,4 +59,16 @@ Eigen::VectorXd EvenSamples::of(const Eigen::VectorXd& values) const {
   return interpolated(times_.segment(first_, count_), thinned.segment(first_, count_), at_);
 }
 
+Eigen::VectorXd without_gaps(Eigen::VectorXd values) {
+  double before = 0.0;
+  for (const double value : values) {
+    if (std::isfinite(value)) {
+      before = value;
+      break;
+    }
+  }
+  for (double& value : values) before = value = std::isfinite(value) ? value : before;
+  return values;
+}
+
 }  // namespace graybox

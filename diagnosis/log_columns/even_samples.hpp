@@ -28,4 +28,7 @@ class EvenSamples {
   double step_ = 0.0;
 };
 
+// Values that are no numbers replaced by those before them.
+[[nodiscard]] Eigen::VectorXd without_gaps(Eigen::VectorXd values);
+
 }  // namespace graybox

@@ -56,37 +56,55 @@ double turn_in(const std::string& unit) {
   return known == nullptr || known->base != "rad" ? 0.0 : kTurn / known->factor;
 }
 
-class MotionUnitChoice {
- public:
-  MotionUnitChoice(const LogColumn* position, const LogColumn* velocity,
-                   const MotionContext& context, MotionChoice& choice)
-      : position_(position), velocity_(velocity), context_(context), choice_(choice) {}
+MotionKind motion_of(const LogColumn* position, const LogColumn* velocity,
+                     const MotionContext& context) {
+  if (context.motion != MotionKind::kOpen) return context.motion;
+  for (const LogColumn* each : {position, velocity}) {
+    if (each != nullptr && each->words.motion != MotionKind::kOpen) return each->words.motion;
+  }
+  return MotionKind::kRotary;
+}
 
-  void run() {
-    if (position_ != nullptr && velocity_ != nullptr) compare();
-    if (position_ == nullptr || prefers_velocity()) {
-      take_velocity();
-    } else if (position_->words.unit == "counts" || holds_counts(*position_)) {
-      take_counts();
-    } else {
-      take_position();
-    }
-    note_remarks();
-    ask_odd_unit();
+// The position beside the velocity: whether the one is the rate of the other, and the units in
+// which it is.
+class RateComparison {
+ public:
+  RateComparison(const LogColumn* position, const LogColumn* velocity, const MotionContext& context)
+      : position_(position), velocity_(velocity), context_(context) {
+    compare();
+  }
+
+  [[nodiscard]] const std::optional<RateFit>& fit() const { return fit_; }
+  [[nodiscard]] const MotionUnits& units() const { return units_; }
+  // How position and velocity agree.
+  [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
+  [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
+  [[nodiscard]] const std::vector<OpenQuestion>& questions() const { return questions_; }
+
+  // A position without a unit that its velocity does not tell, because its rate is rough: the
+  // velocity is used where it is much smoother.
+  [[nodiscard]] bool prefers_velocity() {
+    constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
+    if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
+    const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
+                         holds_counts(*position_) || context_.counts_per_turn.has_value();
+    if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
+    const Eigen::VectorXd place = context_.even.of(position_->values),
+                          speed = context_.even.of(velocity_->values);
+    if (place.size() < kFewestCompared || !place.allFinite() || !speed.allFinite()) return false;
+    const Eigen::VectorXd rate = place.tail(place.size() - 2) - place.head(place.size() - 2);
+    if (!(roughness(speed) < kMuchSmoother * roughness(rate))) return false;
+    remarks_.push_back(fmt::format("'{}' is much smoother than the rate of '{}'", velocity_->name,
+                                   position_->name));
+    return true;
   }
 
  private:
-  [[nodiscard]] MotionKind motion() const {
-    if (context_.motion != MotionKind::kOpen) return context_.motion;
-    for (const LogColumn* each : {position_, velocity_}) {
-      if (each != nullptr && each->words.motion != MotionKind::kOpen) return each->words.motion;
-    }
-    return MotionKind::kRotary;
-  }
+  [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
 
   // Is the velocity the rate of the position, and in which units?
   void compare() {
-    if (!(context_.step > 0.0)) return;
+    if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return;
     const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
     fit_ = fit_rate(context_.even.of(smooth), context_.even.of(velocity_->values), context_.step);
     if (!fit_) {
@@ -102,8 +120,8 @@ class MotionUnitChoice {
                                      position_->name, std::abs(fit_->late)));
     }
     if (fit_->factor < 0.0) {
-      choice_.notes.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
-                                          velocity_->name, position_->name));
+      notes_.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
+                                   velocity_->name, position_->name));
     }
     if (position_->words.unit == "counts" || holds_counts(*position_)) return;
     units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
@@ -129,24 +147,6 @@ class MotionUnitChoice {
                                    position_->name, fit_->factor, velocity_->name));
   }
 
-  // A position without a unit that its velocity does not tell, because its rate is rough: the
-  // velocity is used where it is much smoother.
-  [[nodiscard]] bool prefers_velocity() {
-    constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
-    if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
-    const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
-                         holds_counts(*position_) || context_.counts_per_turn.has_value();
-    if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
-    const Eigen::VectorXd place = context_.even.of(position_->values),
-                          speed = context_.even.of(velocity_->values);
-    if (place.size() < kFewestCompared || !place.allFinite() || !speed.allFinite()) return false;
-    const Eigen::VectorXd rate = place.tail(place.size() - 2) - place.head(place.size() - 2);
-    if (!(roughness(speed) < kMuchSmoother * roughness(rate))) return false;
-    remarks_.push_back(fmt::format("'{}' is much smoother than the rate of '{}'", velocity_->name,
-                                   position_->name));
-    return true;
-  }
-
   // Nearly the rate, but for what a speed of few counts a sample is wrong by.
   [[nodiscard]] bool is_near_one() const {
     constexpr double kNear = 1.5;
@@ -163,16 +163,6 @@ class MotionUnitChoice {
            !units_by_rate(fit_->factor, position_->words.unit, "", motion()).is_found;
   }
 
-  // What was seen of the two, and which of them is not used.
-  void note_remarks() {
-    for (const std::string& remark : remarks_) {
-      const LogColumn* unused = choice_.is_velocity ? position_ : velocity_;
-      choice_.notes.push_back(choice_.is_velocity
-                                  ? fmt::format("{}; '{}' is not used", remark, unused->name)
-                                  : remark + ": it is not used");
-    }
-  }
-
   // Units that fit, and yet not quite. A velocity's noise makes the factor of least squares less by
   // its share of the squares, which is about what they leave.
   void note_factor() {
@@ -182,7 +172,7 @@ class MotionUnitChoice {
     const double ratio = std::abs(fit_->factor) * find_unit(units_.position)->factor /
                          find_unit(units_.velocity)->factor;
     if (std::abs(ratio - 1.0) < quite) return;
-    choice_.notes.push_back(
+    notes_.push_back(
         fmt::format("the rate of '{}' is {:.3g} times '{}': a velocity that is scaled, or time "
                     "stamps that are",
                     position_->name, ratio, velocity_->name));
@@ -208,7 +198,55 @@ class MotionUnitChoice {
     question.choices.push_back(
         {fmt::format("{}, and '{}' is something else", unit, velocity_->name),
          {fmt::format("{}=ignore", velocity_->name)}});
-    choice_.questions.push_back(question);
+    questions_.push_back(question);
+  }
+
+  const LogColumn* position_;
+  const LogColumn* velocity_;
+  const MotionContext& context_;
+  std::optional<RateFit> fit_;
+  MotionUnits units_;
+  std::vector<std::string> remarks_, notes_;
+  std::vector<OpenQuestion> questions_;
+};
+
+// Takes the position or the velocity, in its unit.
+class MotionUnitChoice {
+ public:
+  MotionUnitChoice(const LogColumn* position, const LogColumn* velocity,
+                   const MotionContext& context, MotionChoice& choice)
+      : position_(position),
+        velocity_(velocity),
+        context_(context),
+        choice_(choice),
+        rates_(position, velocity, context) {}
+
+  void run() {
+    const bool prefers_velocity = rates_.prefers_velocity();
+    choice_.notes = rates_.notes();
+    choice_.questions = rates_.questions();
+    if (position_ == nullptr || prefers_velocity) {
+      take_velocity();
+    } else if (position_->words.unit == "counts" || holds_counts(*position_)) {
+      take_counts();
+    } else {
+      take_position();
+    }
+    note_remarks();
+    ask_odd_unit();
+  }
+
+ private:
+  [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
+
+  // What was seen of the two, and which of them is not used.
+  void note_remarks() {
+    for (const std::string& remark : rates_.remarks()) {
+      const LogColumn* unused = choice_.is_velocity ? position_ : velocity_;
+      choice_.notes.push_back(choice_.is_velocity
+                                  ? fmt::format("{}; '{}' is not used", remark, unused->name)
+                                  : remark + ": it is not used");
+    }
   }
 
   void take(const LogColumn* column, bool is_velocity, const std::string& unit,
@@ -220,7 +258,7 @@ class MotionUnitChoice {
     const Unit* known = find_unit(unit);
     choice_.factor = known == nullptr ? 1.0 : known->factor;
     choice_.other = is_velocity ? nullptr : velocity_;
-    choice_.rate = is_velocity || !fit_ ? 0.0 : fit_->factor;
+    choice_.rate = is_velocity || !rates_.fit() ? 0.0 : rates_.fit()->factor;
     if (!is_velocity) find_wraps(column, turn_in(unit));
   }
 
@@ -238,9 +276,9 @@ class MotionUnitChoice {
     if (!stated.empty()) {
       take(position_, false, stated, position_->answered ? "you said so" : "stated");
       doubt_angle();
-      if (units_.is_found) choice_.unit_reason += ", and the velocity agrees";
-    } else if (units_.is_found) {
-      take(position_, false, units_.position, units_.why);
+      if (rates_.units().is_found) choice_.unit_reason += ", and the velocity agrees";
+    } else if (rates_.units().is_found) {
+      take(position_, false, rates_.units().position, rates_.units().why);
     } else if (motion() == MotionKind::kRotary && span_of(*position_) > kRadiansOpen) {
       ask_unit(position_, "position", {"rad", "deg"});
       take(position_, false, "rad", "open");
@@ -298,10 +336,10 @@ class MotionUnitChoice {
 
   // Steps along a line: how long one is the velocity says, or the user.
   void take_linear_counts() {
-    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && fit_;
+    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && rates_.fit();
     if (velocity_ != nullptr && !has_speed) return take_velocity();
     if (has_speed) {
-      choice_.factor = find_unit(velocity_->words.unit)->factor / std::abs(fit_->factor);
+      choice_.factor = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       const double length = choice_.factor;
       take(position_, false, "counts",
            fmt::format("{:.4g} m a count, from '{}'", length, velocity_->name));
@@ -324,9 +362,9 @@ class MotionUnitChoice {
     if (motion() == MotionKind::kLinear && !context_.counts_per_turn) return take_linear_counts();
     double count = context_.counts_per_turn ? kTurn / *context_.counts_per_turn : 0.0;
     std::string why = fmt::format("{:g} counts a turn, as you said", kTurn / count);
-    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && fit_;
+    const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && rates_.fit();
     if (count == 0.0 && has_speed) {
-      count = find_unit(velocity_->words.unit)->factor / std::abs(fit_->factor);
+      count = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       why = fmt::format("{:.4g} counts a turn, from '{}'", kTurn / count, velocity_->name);
     }
     if (count == 0.0 && velocity_ != nullptr) {
@@ -368,24 +406,10 @@ class MotionUnitChoice {
   const LogColumn* velocity_;
   const MotionContext& context_;
   MotionChoice& choice_;
-  std::optional<RateFit> fit_;
-  MotionUnits units_;
-  std::vector<std::string> remarks_;  // how position and velocity agree
+  RateComparison rates_;
 };
 
 }  // namespace
-
-Eigen::VectorXd without_gaps(Eigen::VectorXd values) {
-  double before = 0.0;
-  for (const double value : values) {
-    if (std::isfinite(value)) {
-      before = value;
-      break;
-    }
-  }
-  for (double& value : values) before = value = std::isfinite(value) ? value : before;
-  return values;
-}
 
 Eigen::VectorXd MotionChoice::values(const LogRecording& recording) const {
   const Eigen::VectorXd recorded = without_gaps(recording.at(column->file, column->name).values);

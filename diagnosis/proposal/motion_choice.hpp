@@ -47,9 +47,6 @@ struct MotionContext {
 [[nodiscard]] MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
                                          const MotionContext& context);
 
-// Values that are no numbers replaced by those before them.
-[[nodiscard]] Eigen::VectorXd without_gaps(Eigen::VectorXd values);
-
 // The question which of these is meant, with an answer for each.
 [[nodiscard]] OpenQuestion which_of(const std::vector<const LogColumn*>& columns,
                                     const std::string& what);

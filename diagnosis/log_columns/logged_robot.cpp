@@ -1,0 +1,184 @@
+#include "diagnosis/log_columns/logged_robot.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "diagnosis/log_columns/even_samples.hpp"
+#include "problems/base/error.hpp"
+#include "problems/base/units.hpp"
+#include "problems/mechanisms/rigid_chain.hpp"
+
+namespace graybox {
+namespace {
+
+constexpr double kGravity = 9.81;       // m/s^2
+constexpr double kBeyondLimits = 1.25;  // of a joint's range: no rounding and no overshoot
+
+}  // namespace
+
+std::string from_to(const std::string& first, const std::string& last) {
+  return first == last ? first : first + " to " + last;
+}
+
+LoggedRobot::LoggedRobot(std::filesystem::path urdf, std::string base, std::string tip,
+                         const LogRecording& log)
+    : urdf_(std::move(urdf)),
+      asked_base_(std::move(base)),
+      asked_tip_(std::move(tip)),
+      log_(log),
+      joints_(read_urdf_tree(urdf_)) {}
+
+std::string LoggedRobot::base() const {
+  return asked_base_.empty() ? joints_[first_].parent : asked_base_;
+}
+
+std::vector<std::size_t> LoggedRobot::choose_chain() {
+  std::vector<std::size_t> best;
+  std::size_t most = 0;
+  std::set<std::size_t> usable;
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    if (!is_usable(k)) continue;
+    usable.insert(k);
+    if (!asked_tip_.empty() && joints_[k].child != asked_tip_) continue;
+    const std::vector<std::size_t> path = path_to(k);
+    const auto count = static_cast<std::size_t>(
+        std::ranges::count_if(path, [&](std::size_t each) { return is_usable(each); }));
+    if (count > most) best = path;
+    most = std::max(most, count);
+  }
+  if (best.empty()) {
+    throw InputError(fmt::format(
+        "{}: {} has position and force of no joint of it{}; --column NAME=position@JOINT tells",
+        urdf_name(), log_.files.front().string(),
+        asked_tip_.empty() ? "" : fmt::format(" before link '{}' (--tip)", asked_tip_)));
+  }
+  take_chain(best);
+  std::vector<std::size_t> aside;
+  for (const std::size_t joint : usable) {
+    if (std::ranges::find(chain_, joint) == chain_.end()) aside.push_back(joint);
+  }
+  return aside;
+}
+
+bool LoggedRobot::fits_limits(const AngleUnit& unit) const {
+  for (const std::size_t joint : chain_) {
+    const UrdfJoint& each = joints_[joint];
+    if (each.is_prismatic || !(each.upper > each.lower)) continue;
+    const Eigen::VectorXd q = angles(joint, unit);
+    const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
+    if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
+  }
+  return true;
+}
+
+double LoggedRobot::share_of_weight(const AngleUnit& angle_unit) const {
+  const UrdfChain links = read_urdf_joints(urdf_, base(), tip());
+  const bool any_prismatic =
+      std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
+  if (any_prismatic || links.joints.size() != chain_.size()) return 0.0;
+  const RigidChain chain(links.joints, gravity());
+  RigidChainEvaluator evaluator(chain);
+  const auto n = static_cast<Eigen::Index>(chain_.size());
+  Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const std::size_t joint = chain_[static_cast<std::size_t>(j)];
+    q.col(j) = angles(joint, angle_unit);
+    const Unit* unit = find_unit(force(joint).words.unit);
+    torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
+  }
+  Eigen::VectorXd weight = Eigen::VectorXd::Zero(n), recorded = weight;
+  const Eigen::Index step = std::max<Eigen::Index>(1, log_.samples() / 100);
+  for (Eigen::Index k = 0; k < log_.samples(); k += step) {
+    weight += evaluator.gravity_torque(q.row(k).transpose()).cwiseAbs2();
+    recorded += torque.row(k).transpose().cwiseAbs2();
+  }
+  Eigen::Index most = 0;
+  return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
+}
+
+bool LoggedRobot::holds_counts() const {
+  constexpr double kFewestCounts = 20.0;
+  double widest = 0.0;
+  for (const std::size_t joint : chain_) {
+    const LogColumn& column = position(joint);
+    if (joints_[joint].is_prismatic || column.words.unit == "counts") continue;
+    const Eigen::ArrayXd values = without_gaps(column.values).array();
+    if (!column.words.unit.empty() || (values != values.round()).any()) return false;
+    widest = std::max(widest, values.maxCoeff() - values.minCoeff());
+  }
+  return is_in_counts() || widest >= kFewestCounts;
+}
+
+bool LoggedRobot::is_in_counts() const {
+  return std::ranges::any_of(
+      chain_, [&](std::size_t joint) { return position(joint).words.unit == "counts"; });
+}
+
+Eigen::Vector3d LoggedRobot::gravity() const {
+  return joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
+}
+
+Eigen::VectorXd LoggedRobot::angles(std::size_t joint, const AngleUnit& unit) const {
+  return unit.factor * (without_gaps(position(joint).values).array() - unit.centre);
+}
+
+bool LoggedRobot::is_usable(std::size_t joint) const {
+  const auto force = forces_->columns.find(joint);
+  return joints_[joint].moves && positions_->columns.contains(joint) &&
+         force != forces_->columns.end() && force->second->moves();
+}
+
+std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {
+  std::vector<std::size_t> path{joint};
+  for (std::size_t k = joint; k-- > 0;) {
+    if (joints_[k].child == joints_[path.back()].parent) path.push_back(k);
+  }
+  std::ranges::reverse(path);
+  return path;
+}
+
+void LoggedRobot::take_chain(const std::vector<std::size_t>& path) {
+  bool began = !asked_base_.empty();
+  bool in_range = asked_base_.empty();
+  for (const std::size_t joint : path) {
+    if (!in_range && joints_[joint].parent != asked_base_) continue;
+    in_range = true;
+    if (is_usable(joint)) {
+      if (chain_.empty() && asked_base_.empty()) first_ = joint;
+      if (chain_.empty() && !asked_base_.empty())
+        first_ = *std::ranges::find_if(
+            path, [&](std::size_t each) { return joints_[each].parent == asked_base_; });
+      began = true;
+      chain_.push_back(joint);
+    } else if (began && joints_[joint].moves) {
+      throw InputError(fmt::format(
+          "{}: joint '{}' lies between the logged ones, and its position and force are not "
+          "logged; "
+          "log them, name their columns by --column NAME=position@{}, or choose --base or --tip",
+          urdf_name(), joints_[joint].name, joints_[joint].name));
+    }
+  }
+  if (chain_.empty()) {
+    throw InputError(fmt::format("--base {}: no logged joint is beyond it", asked_base_));
+  }
+  require_masses();
+}
+
+void LoggedRobot::require_masses() const {
+  double mass = 0.0;
+  for (const std::size_t joint : chain_) mass += joints_[joint].child_mass;
+  if (mass > 0.0) return;
+  throw InputError(fmt::format(
+      "{}: no link of the logged joints has a mass; take a URDF with <inertial>", urdf_name()));
+}
+
+std::string LoggedRobot::range_of(const ColumnFamily& family) const {
+  return from_to("'" + family.columns.at(chain_.front())->name + "'",
+                 "'" + family.columns.at(chain_.back())->name + "'");
+}
+
+}  // namespace graybox
