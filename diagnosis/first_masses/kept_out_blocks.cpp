@@ -281,6 +281,7 @@ KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Index lost) {
     if (n != axes[k].position.size() || n < 2 * kFewestOfBlock) continue;
     Added added = added_by(axes[k].drive, axes[k].position, false);
     if (!(added.motion.sum() > 0.0) || !(added.drive.sum() > 0.0)) continue;
+    added.crossings.setZero();  // no joint is asked for a chirp
     const std::string reason = reason_against_halves(added);
     // By what blocks are held against.
     if (reason.empty() && fairly_told(added, 2) >= kNothing) ++alike;

@@ -16,7 +16,8 @@
 // Cost: O(n) for each number of blocks.
 //
 // Several axes in one log, as a robot's, are split together: into as few blocks as give most axes
-// their share, where that is more of them than halves do. Else halves stay.
+// their share, where that is more of them than halves do. Else halves stay. A chirp of one axis is
+// no reason there: a rigid robot has no modes that one half alone would show.
 //
 //   const KeptOutBlocks split = kept_out_blocks(drive, position, false);
 //   if (!split.reason.empty()) use(split.count);

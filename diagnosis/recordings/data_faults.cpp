@@ -212,13 +212,18 @@ bool has_arrival_times(const ChannelSamples& samples, std::vector<Finding>& find
   return true;
 }
 
+// " mm", or nothing where no unit is known.
+std::string spaced(const std::string& unit) {
+  return unit.empty() || unit == "1" ? "" : " " + unit;
+}
+
 void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const std::optional<Quantisation> coarse = find_coarse_quantisation(samples.values);
   if (!coarse) return;
   findings.push_back(finding_of(
       samples, 0, "quantisation", coarse->strength,
-      fmt::format("and on has steps of {:g} {}: rounding alone is {:.2g} % of its deviation",
-                  coarse->step, samples.channel->recorded_unit, 100.0 * coarse->error),
+      fmt::format("and on has steps of {:g}{}: rounding alone is {:.2g} % of its deviation",
+                  coarse->step, spaced(samples.channel->recorded_unit), 100.0 * coarse->error),
       "a command that is given in steps",
       "nothing mends that: record more motion or a finer sensor, or state noise"));
 }
@@ -266,10 +271,10 @@ void add_held_values(const ChannelSamples& samples, std::vector<Finding>& findin
   const std::optional<HeldValues> held = find_held_values(samples.values);
   if (!held || samples.thinned >= static_cast<std::size_t>(held->samples)) return;
   const double step = quantile(steps_of(samples.time), 0.5);
-  const std::string resolution =
-      held->step > 0.0
-          ? fmt::format(", in steps of {:.4g} {}", held->step, samples.channel->recorded_unit)
-          : std::string();
+  const std::string resolution = held->step > 0.0
+                                     ? fmt::format(", in steps of {:.4g}{}", held->step,
+                                                   spaced(samples.channel->recorded_unit))
+                                     : std::string();
   findings.push_back(finding_of(
       samples, held->first, "held values", held->strength,
       fmt::format("and on holds each value for {} samples{}: its own sample time is {:.4g} s",
