@@ -20,8 +20,8 @@
 
 namespace graybox {
 
-// Of one joint, by the recordings of the fit: whether the first leaves less, by four standard
-// errors over twenty blocks. Cost: O(N).
+// Whether the first leaves less, by four standard errors over twenty blocks. The recordings are of
+// one joint; those of the fit decide. Cost: O(N).
 [[nodiscard]] bool are_held_commands(const std::vector<MotionRecord>& records);
 
 // Each force becomes the mean of itself and the one before it.

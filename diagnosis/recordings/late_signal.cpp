@@ -163,8 +163,8 @@ class Fitter {
   }
 
  private:
-  // Of the swing, in samples, by the first peak of the autocorrelation behind its first fall below
-  // zero; the margin where there is none.
+  // Half the period of the swing, in samples: by the first peak of the autocorrelation behind its
+  // first fall below zero. The margin where there is no such peak.
   [[nodiscard]] Index half_period() const {
     constexpr double kSwings = 0.3;  // of the squares
     const Index size = y_.size() - 2 * kMargin;

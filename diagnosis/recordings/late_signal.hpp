@@ -8,8 +8,8 @@
 // relation as it is and takes the noise of differences. At first order in frequency delay and lag
 // are the same: what is sure is their sum, `late`; which of them it is, the misfits tell.
 //
-// Of a motion that is nearly periodic a shift by a period more fits nearly as well. So the first
-// shift is sought within half a period, and of those that are nearly the best the smallest wins.
+// A shift by one period more fits a nearly periodic motion nearly as well. So the first shift is
+// sought within half a period, and the smallest of those that are nearly the best wins.
 //
 // Errors: standard errors by the sandwich over 20 blocks, so that errors may be correlated within
 // them. Delays by cubic interpolation, lags exactly for signals that are linear between samples.

@@ -83,19 +83,26 @@ experiments:
     EXPECT_LE(outcome.exit_code, 1) << outcome.err;
     return Json::parse(outcome.out);
   }
+  // The diagnosis of a free fall, with a driven motion of so many samples kept out: the weight and
+  // nothing else. The recorded torque has noise that the machine never felt, so a log this short
+  // gives the weight to a twentieth.
+  [[nodiscard]] Json weight_beside_driven_motion(int samples) {
+    write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
+    write_run("driven.csv", {0.6, 3.5, 0.1}, samples, 2);
+    write_files("angle", "position", "rad");
+    Json found = diagnosis();
+    EXPECT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
+    EXPECT_EQ(found["physics"].at(0)["law"], "gravity");
+    EXPECT_NEAR(found["physics"].at(0)["parameters"]["sine"]["value"].get<double>(), kWeight,
+                0.1 * kWeight);
+    return found;
+  }
 };
 
 // A free fall does not tell weight from inertia, which the driven motion kept out does. What that
 // one shows is tested on the fall: which of the two is named first makes no difference.
 TEST_F(ShortLog, RecordingsChangePlacesWhereThoseOfTheFitShowNoLaw) {
-  write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
-  write_run("driven.csv", {0.6, 3.5, 0.1}, 100, 2);
-  write_files("angle", "position", "rad");
-  const Json found = diagnosis();
-  ASSERT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
-  EXPECT_EQ(found["physics"][0]["law"], "gravity");
-  EXPECT_NEAR(found["physics"][0]["parameters"]["sine"]["value"].get<double>(), kWeight,
-              0.1 * kWeight);
+  const Json found = weight_beside_driven_motion(100);
   EXPECT_NE(found["words"].dump().find("the two changed places"), std::string::npos)
       << found["words"].dump(1);
   write_campaign("driven.csv", "fall.csv", "angle", "rad");
@@ -108,15 +115,7 @@ TEST_F(ShortLog, RecordingsChangePlacesWhereThoseOfTheFitShowNoLaw) {
 // A driven motion of 40 samples shows no weight by itself either. With both in the fit it is found,
 // and nothing has tested it.
 TEST_F(ShortLog, AllRecordingsAreFittedWhereNeitherPartShowsALaw) {
-  write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
-  write_run("driven.csv", {0.6, 3.5, 0.1}, 40, 2);
-  write_files("angle", "position", "rad");
-  const Json found = diagnosis();
-  ASSERT_EQ(found["physics"].size(), 1U) << found["words"].dump(1);
-  const Json& weight = found["physics"][0];
-  EXPECT_EQ(weight["law"], "gravity");
-  // The noise of the recorded torque is none of the machine's: 0.4 s of it are worth a twentieth.
-  EXPECT_NEAR(weight["parameters"]["sine"]["value"].get<double>(), kWeight, 0.1 * kWeight);
+  const Json found = weight_beside_driven_motion(40);
   EXPECT_EQ(found["verdict"], "ambiguous");
   EXPECT_NE(found["words"].dump().find("were fitted, too, and nothing has tested"),
             std::string::npos)

@@ -688,7 +688,7 @@ TEST(LateSignals, ASwingIsLateByLessThanHalfItsPeriod) {
   }
   const LateComparison fit = compare_late(rate, velocity, kSampling);
   EXPECT_NEAR(fit.delayed.late, kDelay, 0.004);
-  // Of a pure swing all periods are alike.
+  // All periods of a pure swing are alike.
   for (Index k = 0; k < kCount; ++k) {
     const double t = kSampling * static_cast<double>(k);
     rate(k) = std::sin(2.0 * std::numbers::pi * 20.0 * t);
