@@ -305,11 +305,11 @@ std::vector<VerdictReason> rest_reasons(const Diagnosis& diagnosis, const Search
           at_least(of_fit, diagnosis.rest_test.fit_p_value, options.verification_level, look)};
 }
 
-VerdictReason nothing_kept_out() {
+VerdictReason nothing_kept_out(Verdict otherwise) {
   return failed(kKeptOutTest,
                 "keep some of them out (role: validation) and diagnose again: nothing has tested "
                 "what was found",
-                Verdict::kAmbiguous);
+                otherwise);
 }
 
 bool is_not_confirmed(const FoundEffect& effect) {
@@ -348,6 +348,9 @@ std::vector<VerdictReason> reasons_for_nothing(const Diagnosis& diagnosis,
   std::vector<VerdictReason> reasons;
   for (VerdictReason& reason : against) {
     if (has_failed(reason)) reasons.push_back(std::move(reason));
+  }
+  if (is_unknown && !diagnosis.validation_after) {
+    reasons.push_back(nothing_kept_out(Verdict::kUnknown));
   }
   if (!reasons.empty()) return reasons;
   return {failed("something is missing",

@@ -40,7 +40,7 @@ inline constexpr const char* kKeptOutTest = "recordings that were kept out of th
 
 // Where the noise is not known, what was found is not sure before recordings that were kept out of
 // the fit have tested it.
-[[nodiscard]] VerdictReason nothing_kept_out();
+[[nodiscard]] VerdictReason nothing_kept_out(Verdict otherwise = Verdict::kAmbiguous);
 
 [[nodiscard]] inline bool has_failed(const VerdictReason& reason) {
   return !reason.passed && reason.not_tested.empty();

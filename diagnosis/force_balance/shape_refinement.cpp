@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <ranges>
 #include <utility>
 
 #include "diagnosis/inverse_dynamics/torque_refinement.hpp"
@@ -14,7 +15,9 @@ namespace {
 using Index = Eigen::Index;
 
 constexpr std::size_t kStarts = 4;   // of a new law
-constexpr int kOwnSteps = 30;        // of one law
+constexpr int kFirstSteps = 6;       // of one law, from each start
+constexpr int kOwnSteps = 30;        // from the best of them
+constexpr double kHopeful = 1.1;     // times the least rest: a start that goes on
 constexpr int kCommonSteps = 15;     // of all
 constexpr double kTolerance = 1e-6;  // of the squared rest
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -260,19 +263,25 @@ bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::siz
       if (start != law.law.parameters) starts.push_back(std::move(start));
     }
   }
-  std::vector<double> best = law.law.parameters;
-  double least = kInfinity;
   bool interrupted = false;
-  for (const std::vector<double>& start : starts) {
+  const auto refined_from = [&](const std::vector<double>& start, int steps) {
     laws[own].set(start);
     ShapeProblem problem(laws, {own}, projection.force());
-    const double square = refine(problem, kOwnSteps, keep_going, interrupted);
-    if (interrupted) return false;
-    if (square < least) {
-      least = square;
-      best = laws[own].law().parameters;
+    const double square = interrupted ? kInfinity : refine(problem, steps, keep_going, interrupted);
+    return std::pair(square, laws[own].law().parameters);
+  };
+  std::vector<std::pair<double, std::vector<double>>> ends;
+  for (const std::vector<double>& start : starts) {
+    ends.push_back(refined_from(start, starts.size() > 1 ? kFirstSteps : kOwnSteps));
+  }
+  const double first = std::ranges::min(ends | std::views::keys);
+  for (auto& end : ends) {
+    if (starts.size() > 1 && end.first < kHopeful * first) {
+      end = refined_from(std::vector<double>(end.second), kOwnSteps);
     }
   }
+  if (interrupted) return false;
+  const auto& [least, best] = *std::ranges::min_element(ends);
   laws[own].set(best);
   return std::isfinite(least);
 }

@@ -26,6 +26,11 @@ Eigen::VectorXd law_force(const Law& law, const RecordedPlaceMotion& motion) {
     const double step = motion.time(k + 1) - motion.time(k);
     const double z = 0.5 * (motion.deflection(k) + motion.deflection(k + 1));
     const double rate = 0.5 * (motion.rate(k) + motion.rate(k + 1));
+    if (states == 1) {
+      const auto [value, slope] = law.state_rate_and_slope(z, rate, storage[0]);
+      if (value != 0.0) storage[0] += step * phi_1(step * slope) * value;
+      continue;
+    }
     law.state_rate(z, rate, state, {change.data(), states});
     for (std::size_t i = 0; i < states; ++i) {
       const double ahead = kShare * step * change[i];

@@ -171,9 +171,12 @@ class Examination {
                       value_words(quantity), beside));
       return true;
     }
-    if (errors < 1.0) {
+    if (errors < 1.0 || total < 0.0) {
+      const std::string below =
+          errors < 1.0 ? "" : fmt::format(" (below zero by {:.2g} standard errors)", errors);
       add(PlausibilityRule::kZero, quantity, errors,
-          fmt::format("{} is not determined: {}", quantity.name, value_words(quantity)), false);
+          fmt::format("{} is not determined: {}{}", quantity.name, value_words(quantity), below),
+          false);
       return true;
     }
     return false;

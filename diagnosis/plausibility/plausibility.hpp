@@ -5,7 +5,7 @@
 //   sign        mass, inertia, stiffness, damping or friction below zero (with what the model
 //               states there) by `sign_errors` standard errors
 //   zero        of these, one that is smaller than its error (so also a zero of the search with an
-//               error), or negative without any: not determined
+//               error), or below zero by fewer errors or without any: not determined
 //   bound       a value at a bound of the search, or `runaway` times its start or more away from
 //               it; damping and friction may vanish
 //   size        a friction level, or the force of a law along the motion, that exceeds three times

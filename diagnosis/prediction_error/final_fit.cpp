@@ -16,7 +16,6 @@
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 #include "diagnosis/predictor/parameter_trend.hpp"
-#include "diagnosis/predictor/residual_whitener.hpp"
 #include "diagnosis/predictor/told_law.hpp"
 
 namespace graybox {
@@ -378,12 +377,12 @@ PredictionTask FinalFit::held_out_task(const PredictionTask& task) const {
                         : data_->windows(task.horizon, ExperimentRole::kValidation);
 }
 
-std::optional<HeldOutError> FinalFit::held_out_by(const JudgedModel& model,
+std::optional<HeldOutError> FinalFit::held_out_by(const ExtendedLumpedModel& model,
                                                   const PredictionTask& task) const {
-  if (!data_->has_validation() || !model.fit.usable) return {};
+  if (!data_->has_validation()) return {};
   const PredictionTask kept_out = held_out_task(task);
   const PredictionFitter ahead = fitter(kept_out);
-  const PredictionFit run = ahead.fit(model.fit.model, weights_, {}, 0, false);
+  const PredictionFit run = ahead.fit(model, weights_, {}, 0, false);
   if (!run.usable) return {};
   return HeldOutError{task.horizon, ahead.errors(run, weights_)};
 }
@@ -510,32 +509,22 @@ bool FinalFit::is_worth_nothing(std::size_t hypothesis, const JudgedModel& witho
   return !hypotheses_->is_plain(hypothesis) && gain < kRareGain;
 }
 
-// Chi-square of what the poorer fit leaves beyond the richer one, both made white by what the
-// richer one's residuals are like.
-double FinalFit::white_evidence(const PredictionTask& task, const PredictionFit& poorer,
-                                const PredictionFit& richer) const {
-  const ResidualWhitener whitener(task, data_->output_count(), richer.residuals);
-  const double left = whitener.apply(richer.residuals).squaredNorm();
-  const double more = whitener.apply(poorer.residuals).squaredNorm() - left;
-  return more / left * static_cast<double>(richer.residuals.size());
-}
-
 bool FinalFit::takes_most(const JudgedModel& without, double z) const {
-  return graybox::takes_most(1.0 - found_.fit.cost / without.fit.cost,
-                             white_evidence(task_, without.fit, found_.fit), z);
+  return graybox::takes_most(1.0 - found_.fit.cost / without.fit.cost, evidence_over(without), z);
 }
 
 // One sample ahead a law must predict what was kept out, too: there a better state is no excuse.
 bool FinalFit::is_borne_out(const JudgedModel& without) const {
   constexpr double kHeldOutEvidence = 25.0;  // chi-square
-  if (white_evidence(task_, without.fit, found_.fit) < kInnovationEvidence) return false;
+  if (evidence_over(without) < kInnovationEvidence) return false;
   if (!data_->has_validation()) return true;
   const PredictionTask task = data_->windows(task_.horizon, ExperimentRole::kValidation);
   const PredictionFitter ahead = fitter(task);
   const PredictionFit poorer = ahead.fit(without.fit.model, weights_, {}, 0, false);
   const PredictionFit richer = ahead.fit(found_.fit.model, weights_, {}, 0, false);
   if (!poorer.usable || !richer.usable) return false;
-  return white_evidence(task, poorer, richer) > kHeldOutEvidence;
+  return white_evidence(task, data_->output_count(), poorer.residuals, richer.residuals) >
+         kHeldOutEvidence;
 }
 
 // z that a law must have to stay.
@@ -545,16 +534,7 @@ double FinalFit::least_z() const {
 }
 
 bool FinalFit::is_told(const PredictionFit& fit, const PlacedFinding& law) const {
-  const VectorXd deviations = deviations_of(fit);
-  const std::size_t first = fit.model.first_parameter(law.part);
-  const std::size_t count = fit.model.model.parts[law.part].parameters.size();
-  for (std::size_t i = 0; i < fit.free.size(); ++i) {
-    const std::size_t index = fit.free[i];
-    if (index < first || index >= first + count) continue;
-    const double value = fit.model.model.parameters[index].value;
-    if (std::abs(value) > kToldFromNone * deviations(static_cast<Index>(i))) return true;
-  }
-  return false;
+  return has_told_parameter(fit, deviations_of(fit), law, kToldFromNone);
 }
 
 // A law goes whose every size is smaller than its error, or a wave that is not told from none.
@@ -580,8 +560,7 @@ bool FinalFit::drop_undetermined_law() {
 bool FinalFit::is_surely_there(const PlacedFinding& law, const JudgedModel& without) const {
   constexpr double kNearlyAll = 0.9, kSure = 100.0;  // of the cost, chi-square
   return hypotheses_->acts_in_moments(law.hypothesis) &&
-         1.0 - found_.fit.cost / without.fit.cost > kNearlyAll &&
-         white_evidence(task_, without.fit, found_.fit) > kSure;
+         1.0 - found_.fit.cost / without.fit.cost > kNearlyAll && evidence_over(without) > kSure;
 }
 
 bool FinalFit::raises_held_out(const JudgedModel& without, const JudgedModel& with,
@@ -847,10 +826,12 @@ void FinalFit::add_short_ripples() {
   }
 }
 
-// The model found with the best wave in this force; none where it does not predict better.
+// The model found with the best wave in this force; none where it does not predict better, on what
+// was kept out, too.
 std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& force) const {
   constexpr double kLeastForce = 0.01;  // amplitude over the forces that act
   constexpr double kLeastShare = 0.1, kErrors = 3.0;
+  constexpr int kOfStarts = 3;  // iterations
   std::vector<RippleTrial> trials = ripple_trials(force);
   std::erase_if(trials, [&](const RippleTrial& trial) {
     return trial.share < kLeastShare ||
@@ -872,16 +853,21 @@ std::optional<ExtendedLumpedModel> FinalFit::with_ripple(const LatentForce& forc
     const double amplitude = std::sqrt(2.0 * trials.front().share) * force.rms();
     for (const double sign : {1.0, -1.0}) {
       PredictionFit fit = near.fit(extended(poorer.model, start, sign * amplitude), weights,
-                                   poorer.initials, kIterations);
+                                   poorer.initials, kOfStarts);
       if (fit.usable && (!best.usable || fit.cost < best.cost)) best = std::move(fit);
     }
   }
+  if (best.usable) best = near.fit_on(best, weights, kIterations);
   if (!best.usable || !(z_between(poorer, best) > kErrors)) return {};
   if (is_idle(poorer, best)) return {};
+  const auto before = held_out_by(poorer.model, task), after = held_out_by(best.model, task);
+  if (before &&
+      !(after && relative_size(after->error, scale) < relative_size(before->error, scale))) {
+    return {};
+  }
   return best.model;
 }
 
-// The best of its starts.
 // Where inertia is small, a drive that does not answer to small commands moves a mass as dry
 // friction there does. Every machine has that; few have such a drive.
 bool FinalFit::take_friction_for_dead_drive(std::size_t law) {
@@ -945,14 +931,21 @@ bool FinalFit::take_rival_that_holds(std::size_t law) {
 
 JudgedModel FinalFit::best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
                                      std::optional<std::size_t> replaced) const {
-  constexpr double kStart = 0.1;  // of what acts at all
+  constexpr double kStart = 0.1;       // of what acts at all
+  constexpr int kFirstIterations = 6;  // from each; the best goes on
+  std::vector<LawExtension> starts = hypotheses_->extensions(model, motion());
+  std::erase_if(starts, [&](const LawExtension& start) {
+    return start.hypothesis != hypothesis || start.replaces != replaced;
+  });
   JudgedModel best;
-  for (const LawExtension& start : hypotheses_->extensions(model, motion())) {
-    if (start.hypothesis != hypothesis || start.replaces != replaced) continue;
-    JudgedModel each = judged(extended(model, start, kStart * start.unit), kIterations);
-    if (!each.fit.usable || (best.fit.usable && best.fit.cost <= each.fit.cost)) continue;
-    best = std::move(each);
+  for (const LawExtension& start : starts) {
+    JudgedModel each = judged(extended(model, start, kStart * start.unit),
+                              starts.size() > 1 ? kFirstIterations : kIterations);
+    if (each.fit.usable && (!best.fit.usable || each.fit.cost < best.fit.cost)) {
+      best = std::move(each);
+    }
   }
+  if (best.fit.usable && starts.size() > 1) best = judged(best.fit.model, kIterations);
   return best;
 }
 

@@ -27,6 +27,7 @@
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/unmodelled_force.hpp"
 #include "diagnosis/predictor/prediction_fit.hpp"
+#include "diagnosis/predictor/residual_whitener.hpp"
 
 namespace graybox {
 
@@ -76,11 +77,13 @@ class FinalFit {
   // The error kept out by which laws are weighed: as far ahead as the fit looks where it stands
   // beside a disturbance, which costs more over a whole run than any law; else that of the model.
   [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const {
-    return held_out_by(model, disturbance_.is_there() ? task_ : judged_by_);
+    if (!model.fit.usable) return {};
+    return held_out_by(model.fit.model, disturbance_.is_there() ? task_ : judged_by_);
   }
   // That by which the model is judged: in free run, or as far ahead as it can be foreseen.
   [[nodiscard]] std::optional<HeldOutError> held_out_as_judged(const JudgedModel& model) const {
-    return held_out_by(model, judged_by_);
+    if (!model.fit.usable) return {};
+    return held_out_by(model.fit.model, judged_by_);
   }
   // The model found, fitted to the recordings kept out by themselves; unusable without any.
   [[nodiscard]] JudgedModel fitted_to_kept_out() const;
@@ -104,7 +107,7 @@ class FinalFit {
   [[nodiscard]] std::size_t accepted_as(std::size_t hypothesis) const;
 
  private:
-  [[nodiscard]] std::optional<HeldOutError> held_out_by(const JudgedModel& model,
+  [[nodiscard]] std::optional<HeldOutError> held_out_by(const ExtendedLumpedModel& model,
                                                         const PredictionTask& task) const;
   // The best fit of the model with this law, of those starts that replace this part; none: of those
   // that replace nothing.
@@ -146,8 +149,10 @@ class FinalFit {
   // z of a law on the rung where it was accepted, beside the others found.
   [[nodiscard]] double missed_nearby(const PlacedFinding& law) const;
   [[nodiscard]] bool is_worth_nothing(std::size_t hypothesis, const JudgedModel& without) const;
-  [[nodiscard]] double white_evidence(const PredictionTask& task, const PredictionFit& poorer,
-                                      const PredictionFit& richer) const;
+  [[nodiscard]] double evidence_over(const JudgedModel& without) const {
+    return white_evidence(task_, data_->output_count(), without.fit.residuals,
+                          found_.fit.residuals);
+  }
   [[nodiscard]] bool takes_most(const JudgedModel& without, double z) const;
   [[nodiscard]] bool runs_true() const;
   [[nodiscard]] bool is_needed_in_free_run(const JudgedModel& without) const;

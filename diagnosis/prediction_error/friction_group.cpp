@@ -1,25 +1,52 @@
 #include "diagnosis/prediction_error/friction_group.hpp"
 
 #include <algorithm>
+#include <map>
+#include <optional>
+#include <string>
 
 namespace graybox {
+namespace {
+
+// The one free mass on which a law acts; none for laws between masses, and of signals.
+std::optional<Eigen::Index> free_mass_of(const LawExtension& law, const LumpedModel& model) {
+  const Eigen::VectorXd& b = law.location.output;
+  if (law.location.kind != LocationKind::kElement || (b.array() != 0.0).count() != 1) return {};
+  Eigen::Index mass = 0;
+  b.cwiseAbs().maxCoeff(&mass);
+  if (model.imposed[static_cast<std::size_t>(mass)]) return {};
+  return mass;
+}
+
+}  // namespace
 
 std::vector<LawExtension> friction_group(const std::vector<LawExtension>& extensions,
                                          const LumpedModel& model) {
   std::vector<LawExtension> group;
   for (const LawExtension& law : extensions) {
     if (law.law != "viscous" && law.law != "coulomb") continue;
-    const Eigen::VectorXd& b = law.location.output;
-    Eigen::Index mass = 0;
-    b.cwiseAbs().maxCoeff(&mass);
-    const bool is_of_free_mass =
-        (b.array() != 0.0).count() == 1 && !model.imposed[static_cast<std::size_t>(mass)];
+    const bool is_of_free_mass = free_mass_of(law, model).has_value();
     const bool is_there = std::ranges::any_of(group, [&](const LawExtension& other) {
       return other.hypothesis == law.hypothesis;  // in another start: the first is the plainest
     });
     if (is_of_free_mass && !is_there) group.push_back(law);
   }
   return group;
+}
+
+std::vector<std::vector<LawExtension>> resting_springs(const std::vector<LawExtension>& extensions,
+                                                       const LumpedModel& model) {
+  std::map<Eigen::Index, std::map<std::string, LawExtension>> found;  // by mass, by law
+  for (const LawExtension& law : extensions) {
+    if (law.law != "stiffness" && law.law != "offset") continue;
+    if (law.location.driver >= 0 || law.replaces) continue;
+    if (const auto mass = free_mass_of(law, model)) found[*mass].emplace(law.law, law);
+  }
+  std::vector<std::vector<LawExtension>> groups;
+  for (const auto& [mass, laws] : found) {
+    if (laws.size() == 2) groups.push_back({laws.at("stiffness"), laws.at("offset")});
+  }
+  return groups;
 }
 
 PredictionFit with_group(const PredictionFitter& fitter, const PredictionFit& poorer,

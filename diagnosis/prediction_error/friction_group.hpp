@@ -1,8 +1,11 @@
-// Plain friction first: viscous and Coulomb friction at every free mass, all at once.
+// Laws that are tried all at once, since one by one they hide each other. They are one fit from a
+// poorer model's optimum, and those that nobody misses go again.
 //
-// One by one they hide each other: friction at a motor and at its load, taken alone, ask for a
-// friction that grows, a lag or a drag to make up for what is still missing. Together they are one
-// fit from a poorer model's optimum, and those that nobody misses go again.
+// Plain friction: viscous and Coulomb friction at every free mass. Friction at a motor and at its
+// load, taken alone, ask for a friction that grows, a lag or a drag to make up for what is missing.
+//
+// A spring and where it rests: stiffness and a constant force at a free mass. About the zero of the
+// sensor a spring pulls the wrong way wherever the mass swings on one side of that zero.
 #pragma once
 
 #include <vector>
@@ -15,6 +18,10 @@ namespace graybox {
 // The extensions of the group: of each free mass the laws that the model does not have there.
 [[nodiscard]] std::vector<LawExtension> friction_group(const std::vector<LawExtension>& extensions,
                                                        const LumpedModel& model);
+
+// By free mass that has neither, a spring and a constant force.
+[[nodiscard]] std::vector<std::vector<LawExtension>> resting_springs(
+    const std::vector<LawExtension>& extensions, const LumpedModel& model);
 
 // `poorer` with all of the group, started at none of it. Not usable where it can't be simulated.
 [[nodiscard]] PredictionFit with_group(const PredictionFitter& fitter, const PredictionFit& poorer,

@@ -11,6 +11,7 @@
 #include "diagnosis/prediction_error/friction_group.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/prediction_error/unsigned_outputs.hpp"
+#include "diagnosis/predictor/residual_whitener.hpp"
 #include "diagnosis/predictor/told_law.hpp"
 
 namespace graybox {
@@ -419,29 +420,57 @@ bool PredictionSearch::add_law(State& state) {
   for (TriedLaw& law : tried) law.evidence = evidence_of(law, state, extensions, scores);
   const std::size_t taken = plainest(tried, extensions, state);
   const PredictionFit& best = taken < tried.size() ? tried[taken].fit : state.fit;
-  if (findings_.laws.empty() && add_friction_group(state, stated, extensions, best)) return true;
+  if (findings_.laws.empty() && add_group(state, stated, extensions, best)) return true;
   if (taken == tried.size()) return false;
   accept(std::move(tried), taken, state);
   return true;
 }
 
-bool PredictionSearch::add_friction_group(State& state, const std::optional<PredictionFit>& stated,
-                                          const std::vector<LawExtension>& extensions,
-                                          const PredictionFit& best_single) {
-  const std::vector<LawExtension> group = friction_group(extensions, state.fit.model.model);
-  if (group.size() < 2) return false;
-  PredictionFit fit = with_group(fitter(state), state.fit, state.weights, group, kFirstIterations);
-  if (stated) {
-    PredictionFit other =
-        with_group(fitter(state), *stated, state.weights, group, kFirstIterations);
-    if (other.usable && (!fit.usable || other.cost < fit.cost)) fit = std::move(other);
-  }
-  if (!fit.usable || !(fit.cost < (1.0 - options_.group_gain) * best_single.cost)) return false;
-  const double z = z_between(best_single, fit), gain = 1.0 - fit.cost / state.fit.cost;
+// What decays acts in few blocks, and z is small however much is taken. Plain laws need not be surer
+// than one that few machines have.
+bool PredictionSearch::is_group_better(const State& state, const PredictionFit& best_single,
+                                       const PredictionFit& group) const {
+  constexpr double kNoWorse = -1.0;  // z
+  const double gain = 1.0 - group.cost / best_single.cost;
+  if (!group.usable || !(gain > options_.group_gain)) return false;
+  const double z = z_between(best_single, group);
+  const std::vector<PlacedFinding>& single = best_single.model.laws;
+  const bool is_rare = single.size() > state.fit.model.laws.size() &&
+                       !hypotheses_->is_plain(single.back().hypothesis);
+  return z > (is_rare ? kNoWorse : options_.errors_of_gain) ||
+         takes_most(gain,
+                    white_evidence(state.task, data_->output_count(), best_single.residuals,
+                                   group.residuals),
+                    z);
+}
+
+bool PredictionSearch::add_group(State& state, const std::optional<PredictionFit>& stated,
+                                 const std::vector<LawExtension>& extensions,
+                                 const PredictionFit& best_single) {
+  std::vector<std::vector<LawExtension>> groups =
+      resting_springs(extensions, state.fit.model.model);
+  groups.push_back(friction_group(extensions, state.fit.model.model));
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
-  if (!(z > options_.errors_of_gain) || fed_in_by(state, fit) > fed_limit) return false;
-  state.fit = std::move(fit);
-  for (const LawExtension& law : group) {
+  const std::vector<LawExtension>* taken = nullptr;
+  PredictionFit best;
+  for (const std::vector<LawExtension>& group : groups) {
+    if (group.size() < 2) continue;
+    PredictionFit fit =
+        with_group(fitter(state), state.fit, state.weights, group, kFirstIterations);
+    if (stated) {
+      PredictionFit other =
+          with_group(fitter(state), *stated, state.weights, group, kFirstIterations);
+      if (other.usable && (!fit.usable || other.cost < fit.cost)) fit = std::move(other);
+    }
+    if (!is_group_better(state, best_single, fit) || fed_in_by(state, fit) > fed_limit) continue;
+    if (best.usable && best.cost <= fit.cost) continue;
+    best = std::move(fit);
+    taken = &group;
+  }
+  if (taken == nullptr) return false;
+  const double z = z_between(best_single, best), gain = 1.0 - best.cost / state.fit.cost;
+  state.fit = std::move(best);
+  for (const LawExtension& law : *taken) {
     findings_.laws.push_back({law.hypothesis, state.task.horizon, z, gain, {}, {}});
   }
   prune(state);

@@ -9,6 +9,7 @@
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also viscous and Coulomb friction at all masses at once
+//      or a spring and where it rests
 //      (friction_group.hpp); taken if they leave less than 80 % of what the best single law does
 //   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
 //      than 3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter
@@ -174,9 +175,11 @@ class PredictionSearch {
   [[nodiscard]] std::vector<LatentForce> latent_forces(const ExtendedLumpedModel& model) const;
   [[nodiscard]] std::vector<RippleTrial> ripples(const State& state) const;
   [[nodiscard]] double fed_in_by(const State& state, const PredictionFit& fit) const;
-  [[nodiscard]] bool add_friction_group(State& state, const std::optional<PredictionFit>& stated,
-                                        const std::vector<LawExtension>& extensions,
-                                        const PredictionFit& best_single);
+  [[nodiscard]] bool is_group_better(const State& state, const PredictionFit& best_single,
+                                     const PredictionFit& group) const;
+  [[nodiscard]] bool add_group(State& state, const std::optional<PredictionFit>& stated,
+                               const std::vector<LawExtension>& extensions,
+                               const PredictionFit& best_single);
   // A model to extend, with what each law would take of what it leaves.
   struct ScoredStart {
     const PredictionFit* fit;

@@ -137,6 +137,13 @@ double PredictionReasons::limit_of_error(Index output, double scale) const {
   return std::max(kHeldOutLimit, is_stated ? noise : std::min(noise, kUnstatedLimit));
 }
 
+bool PredictionReasons::has_stated_noise() const {
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
+    if (!from_.data->states_noise(j)) return false;
+  }
+  return true;
+}
+
 void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   const JudgedModel& found = from_.final->found();
   if (!found.held_out_error) {
@@ -290,6 +297,9 @@ std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
   list.push_back(sizes_hold_reason(diagnosis));
   // Who can't tell masses and springs can't miss anything.
   add_determination(diagnosis, Verdict::kUnknown, list);
+  if (!from_.final->found().held_out_error && !has_stated_noise()) {
+    list.push_back(nothing_kept_out(Verdict::kUnknown));
+  }
   if (std::ranges::any_of(list, has_failed)) return list;
   list.push_back(test("something is missing", {}, 0.0, false,
                       "nothing: the model as it is will do for motion like the recorded one",

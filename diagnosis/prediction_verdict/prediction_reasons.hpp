@@ -28,6 +28,7 @@ class PredictionReasons {
   [[nodiscard]] bool is_within_a_step() const;
   // % of an output's signal.
   [[nodiscard]] double limit_of_error(Eigen::Index output, double scale) const;
+  [[nodiscard]] bool has_stated_noise() const;  // of each output
   void add_held_out(std::vector<VerdictReason>& list) const;
   void add_fitted(std::vector<VerdictReason>& list) const;
   void add_growth(std::vector<VerdictReason>& list) const;

@@ -19,7 +19,8 @@ using Eigen::VectorXd;
 constexpr double kDifference = 3e-4;  // of a coordinate
 constexpr double kLongestStep = 1.5;  // of a logarithmic coordinate
 constexpr double kInitialDamping = 1e-3, kLeastDamping = 1e-9;
-constexpr double kSettled = 1e-5;  // relative fall of the cost, twice in a row
+// Relative fall of the cost, twice in a row: kSettledNats over the samples that are independent.
+constexpr double kSettledNats = 0.1, kSettled = 1e-5, kMostSettled = 3e-4;
 constexpr int kSettledTwice = 2;
 constexpr int kTrials = 8;  // of a damping, an iteration
 constexpr double kAtBound = 1e-9;
@@ -28,6 +29,17 @@ bool wants_out(const ParameterSpace& space, double value, double slope) {
   const double low = space.low + kAtBound * std::abs(space.low);
   const double high = space.high - kAtBound * std::abs(space.high);
   return (value <= low && slope > 0.0) || (value >= high && slope < 0.0);
+}
+
+// The fall of the cost that counts. Residuals of a long free run over dry friction have memory, and
+// their cost has corners: small falls there say nothing.
+double least_fall(const VectorXd& residuals, Index outputs, bool is_free) {
+  const Index n = residuals.size() - outputs;
+  if (!is_free || n < 1) return kSettled;
+  const double change = (residuals.tail(n) - residuals.head(n)).squaredNorm();
+  const double apart = 0.5 * change / std::max(residuals.squaredNorm(), 1e-300);  // 1 - rho
+  const double independent = static_cast<double>(n) * std::min(1.0, apart / (2.0 - apart));
+  return std::clamp(kSettledNats / std::max(independent, 1.0), kSettled, kMostSettled);
 }
 
 double counted_rows(const PredictionFit& fit) {
@@ -331,6 +343,7 @@ PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int 
   bool is_central = false;
   for (int iteration = 0; result.usable; ++iteration) {
     stop_if_requested();
+    const double least = least_fall(at.residuals, data_->output_count(), task_->is_free());
     result.jacobian = jacobian(at, result.free, weights);
     if (settled == kSettledTwice && !is_central && task_->is_free()) {
       is_central = true;
@@ -345,7 +358,7 @@ PredictionFit PredictionFitter::fit_from(Point at, const VectorXd& weights, int 
     if (iteration == iterations || settled == kSettledTwice || active.empty()) break;
     const double before = at.cost;
     const bool falls = descend(at, result.jacobian, active, result.free, weights, damping);
-    if (falls && before - at.cost >= kSettled * before) {
+    if (falls && before - at.cost >= least * before) {
       settled = 0;
     } else {
       settled = falls ? settled + 1 : kSettledTwice;

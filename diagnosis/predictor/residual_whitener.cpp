@@ -61,4 +61,12 @@ void ResidualWhitener::fit(Index output, const VectorXd& residuals) {
                                            : Eigen::RowVectorXd(Eigen::RowVectorXd::Zero(kMemory));
 }
 
+double white_evidence(const PredictionTask& task, Index outputs, const VectorXd& poorer,
+                      const VectorXd& richer) {
+  const ResidualWhitener whitener(task, outputs, richer);
+  const double left = whitener.apply(richer).squaredNorm();
+  const double more = whitener.apply(poorer).squaredNorm() - left;
+  return more / left * static_cast<double>(richer.size());
+}
+
 }  // namespace graybox

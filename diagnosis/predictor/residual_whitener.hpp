@@ -31,4 +31,9 @@ class ResidualWhitener {
   Eigen::MatrixXd filter_;  // outputs x lags
 };
 
+// How much more the poorer of two fits leaves, over the variance of what the richer does, both made
+// white as the richer's rest is: chi-square where nothing speaks for the richer.
+[[nodiscard]] double white_evidence(const PredictionTask& task, Eigen::Index outputs,
+                                    const Eigen::VectorXd& poorer, const Eigen::VectorXd& richer);
+
 }  // namespace graybox

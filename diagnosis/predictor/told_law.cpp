@@ -39,6 +39,19 @@ double frequency_of(const Element& part) { return part.parameters[1]; }
 
 }  // namespace
 
+bool has_told_parameter(const PredictionFit& fit, const VectorXd& deviations,
+                        const PlacedFinding& law, double errors) {
+  const std::size_t first = fit.model.first_parameter(law.part);
+  const std::size_t count = fit.model.model.parts[law.part].parameters.size();
+  for (std::size_t i = 0; i < fit.free.size(); ++i) {
+    const std::size_t index = fit.free[i];
+    if (index < first || index >= first + count) continue;
+    const double value = fit.model.model.parameters[index].value;
+    if (std::abs(value) > errors * deviations(static_cast<Eigen::Index>(i))) return true;
+  }
+  return false;
+}
+
 bool swings_too_slowly(const PredictionFit& fit, const PlacedFinding& law,
                        const PredictionData& data) {
   constexpr double kFewestPeriods = 2.0;

@@ -18,6 +18,10 @@ struct ToldSize {
 [[nodiscard]] ToldSize told_size(const PredictionFit& fit, const Eigen::VectorXd& deviations,
                                  const PlacedFinding& law, double errors);
 
+// Whether a free parameter of the law is larger than so many of its standard errors.
+[[nodiscard]] bool has_told_parameter(const PredictionFit& fit, const Eigen::VectorXd& deviations,
+                                      const PlacedFinding& law, double errors);
+
 // Something that swings at a frequency whose error is 0.3 of it or more.
 [[nodiscard]] bool has_loose_frequency(const PredictionFit& fit, const Eigen::VectorXd& deviations,
                                        const PlacedFinding& law);

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -25,18 +26,46 @@ using Index = Eigen::Index;
 struct Section {
   double b0, b1, b2, a1, a2;
 
-  void run(Eigen::VectorXd& x) const {
-    // The state of a signal that has always been x(0).
-    double s2 = (b2 - a2) * x(0);
-    double s1 = (b1 - a1) * x(0) + s2;
-    for (double& value : x) {
-      const double in = value;
-      value = b0 * in + s1;
-      s1 = b1 * in - a1 * value + s2;
-      s2 = b2 * in - a2 * value;
-    }
+  struct State {
+    double s1, s2;
+  };
+  // Of a signal that has always been `value`.
+  [[nodiscard]] State at_rest(double value) const {
+    const double s2 = (b2 - a2) * value;
+    return {(b1 - a1) * value + s2, s2};
+  }
+  double step(State& state, double in) const {
+    const double out = b0 * in + state.s1;
+    state.s1 = b1 * in - a1 * out + state.s2;
+    state.s2 = b2 * in - a2 * out;
+    return out;
   }
 };
+
+// One after another, sample by sample, from `begin` in steps of `direction`: while one section waits
+// for its own past, the others work.
+template <std::size_t sections>
+void run_through(const Section* section, Eigen::VectorXd& x, bool backward) {
+  const Index last = x.size() - 1;
+  const Index begin = backward ? last : 0, direction = backward ? -1 : 1;
+  std::array<Section, sections> own;
+  std::array<Section::State, sections> state;
+  for (std::size_t i = 0; i < sections; ++i) {
+    own[i] = section[i];
+    state[i] = own[i].at_rest(x(begin));
+  }
+  for (Index k = 0, at = begin; k <= last; ++k, at += direction) {
+    double value = x(at);
+    for (std::size_t i = 0; i < sections; ++i) value = own[i].step(state[i], value);
+    x(at) = value;
+  }
+}
+
+void run_all(const std::vector<Section>& sections, Eigen::VectorXd& x, bool backward) {
+  std::size_t next = 0;
+  for (; next + 2 <= sections.size(); next += 2) run_through<2>(&sections[next], x, backward);
+  if (next < sections.size()) run_through<1>(&sections[next], x, backward);
+}
 
 // Butterworth by the bilinear transform, s = (1/w)(z - 1)/(z + 1) with w = tan(pi f) so that the
 // cut-off stays where it is.
@@ -237,10 +266,8 @@ Eigen::VectorXd zero_phase_low_pass(const Eigen::Ref<const Eigen::VectorXd>& val
     extended(margin + size - 1 + k) = 2.0 * values(size - 1) - values(size - 1 - k);
   }
   const std::vector<Section> sections = butterworth(frequency, order);
-  for (int pass = 0; pass < 2; ++pass) {
-    for (const Section& section : sections) section.run(extended);
-    extended.reverseInPlace();
-  }
+  run_all(sections, extended, false);
+  run_all(sections, extended, true);
   return extended.segment(margin, size);
 }
 

@@ -328,6 +328,12 @@ bool is_all_friction(const DiagnosisAnswer& answer) {
   });
 }
 
+// Of the force, on recordings kept out where there are any.
+double error_of(const Diagnosis& diagnosis) {
+  return diagnosis.validation_after ? diagnosis.validation_after->nrmse
+                                    : diagnosis.after.estimation.nrmse;
+}
+
 // A second look that came to no end: what it would have found is not known.
 void tell_stopped(Diagnosis& diagnosis) {
   VerdictReason reason;
@@ -345,14 +351,15 @@ void tell_stopped(Diagnosis& diagnosis) {
 // is farther from an answer still.
 std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
                                                 DiagnosisRequest& request, const Campaign& campaign,
-                                                const DiagnosisAnswer& predicted,
-                                                bool& was_stopped) {
+                                                const DiagnosisAnswer& predicted, bool& was_stopped,
+                                                std::optional<double>& left) {
   constexpr double kFar = 10.0;  // times the limit of a test
   try {
     DiagnosisAnswer answer = answer_by_problem(request, campaign, &drive);
     const Diagnosis& diagnosis = answer.diagnosis;
     if (!diagnosis.channel_faults.empty()) return answer;
     was_stopped = diagnosis.interrupted;
+    if (!was_stopped) left = error_of(diagnosis);
     if (diagnosis.effects.empty()) return {};
     if (is_all_friction(answer)) return {};
     const double short_of = shortfall_of(predicted.diagnosis);
@@ -366,6 +373,64 @@ std::optional<DiagnosisAnswer> found_by_balance(const RigidRobotModel& drive,
   return {};
 }
 
+// A drive that is counted the other way, or motion that is. Dry friction tells: turned, what a
+// balance of forces then finds leaves less than half of the force that it leaves as recorded (all
+// of it, where it can't be set up). Masses, springs and dampers alone leave as much either way.
+std::optional<ChannelFault> reversed_drive(const RigidRobotModel& drive, DiagnosisRequest& request,
+                                           const Campaign& campaign, std::optional<double> left,
+                                           bool& was_stopped) {
+  constexpr double kClearly = 0.5, kAll = 100.0, kWell = 50.0;  // of that error; % of the force
+  Campaign turned = campaign;
+  std::string name;
+  for (Channel& channel : turned.channels) {
+    if (channel.role != ChannelRole::kInput) continue;
+    if (!name.empty()) return {};  // which of two?
+    name = channel.name;
+    channel.factor = -channel.factor;
+  }
+  try {
+    const DiagnosisAnswer answer = answer_by_problem(request, turned, &drive);
+    const Diagnosis& diagnosis = answer.diagnosis;
+    was_stopped = diagnosis.interrupted;
+    const bool is_found = !diagnosis.effects.empty() && diagnosis.channel_faults.empty() &&
+                          !was_stopped && excluding(diagnosis.implausible) == 0 &&
+                          !is_all_friction(answer);
+    const double after = error_of(diagnosis), before = left.value_or(kAll);
+    if (!is_found || !(after < kWell) || !(after < kClearly * before)) return {};
+    ChannelFault fault;
+    fault.channels = {name};
+    fault.message = fmt::format(
+        "{0} has the wrong sign, or the motion has: turned, a balance of forces with what it then "
+        "finds leaves {1:.3g} % of the force instead of {2:.3g} % (preprocess: [{{kind: sign, of: "
+        "[{0}]}}])",
+        name, after, before);
+    fault.measure = "force that the balance leaves over the force";
+    fault.dissimilarity_before = before / kAll;
+    fault.dissimilarity_after = after / kAll;
+    return fault;
+  } catch (const InputError&) {
+    return {};
+  }
+}
+
+// Nothing else is said of recordings that are not what the channels say.
+void refuse(DiagnosisAnswer& answer, ChannelFault fault, const SearchOptions& options) {
+  Diagnosis diagnosis;
+  diagnosis.channel_faults = {std::move(fault)};
+  diagnosis.channels_checked = true;
+  diagnosis.trouble = "the recordings are not what the channels say";
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+  answer.diagnosis = std::move(diagnosis);
+}
+
+// Whether what was foretold leaves more force than ever acted: the drive is not what moves it.
+bool leaves_all_force(const Diagnosis& diagnosis) {
+  constexpr double kAll = 100.0;  // % of the forces that act
+  const std::optional<double> left = force_left(diagnosis);
+  return diagnosis.verdict == Verdict::kUnknown && left && *left > kAll;
+}
+
 // A balance that tells forces where the prediction error tells late sensors and things that swing:
 // what moves slowly is foretold nearly as well whatever pushes it. The balance answers where it is
 // near an answer, and leaves about as little of the force.
@@ -377,8 +442,9 @@ std::optional<DiagnosisAnswer> found_for_signals(const RigidRobotModel& drive,
   constexpr double kAsMuch = 1.25;  // of the force that the prediction error leaves
   const std::optional<double> left = force_left(predicted.diagnosis);
   if (!left || !has_signal_laws_only(predicted.diagnosis, predicted.hypotheses())) return {};
+  std::optional<double> unused;
   std::optional<DiagnosisAnswer> answer =
-      found_by_balance(drive, request, campaign, predicted, was_stopped);
+      found_by_balance(drive, request, campaign, predicted, was_stopped, unused);
   if (!answer || !answer->diagnosis.channel_faults.empty()) return {};
   const Diagnosis& found = answer->diagnosis;
   const bool is_near = found.verdict != Verdict::kUnknown && is_of_a_machine(found) &&
@@ -438,9 +504,17 @@ DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campa
   if (request.method != "auto" || is_over || !method.drive) return predicted;
   const bool has_answer = first.verdict != Verdict::kUnknown;
   bool was_stopped = false;
+  std::optional<double> left;  // by the balance
   std::optional<DiagnosisAnswer> balanced =
       has_answer ? found_for_signals(*method.drive, request, campaign, predicted, was_stopped)
-                 : found_by_balance(*method.drive, request, campaign, predicted, was_stopped);
+                 : found_by_balance(*method.drive, request, campaign, predicted, was_stopped, left);
+  const bool is_asked = !request.search.ignore_channel_faults && !was_stopped && !balanced;
+  if (is_asked && leaves_all_force(first)) {
+    if (auto fault = reversed_drive(*method.drive, request, campaign, left, was_stopped)) {
+      refuse(predicted, *std::move(fault), request.search);
+      return predicted;
+    }
+  }
   if (!balanced && was_stopped) tell_stopped(predicted.diagnosis);
   if (!balanced) return predicted;
   const bool may_be_right = predicted.by_prediction.doubt.empty() && !first.effects.empty();

@@ -101,6 +101,9 @@ std::string headline(const Diagnosis& diagnosis) {
   if (diagnosis.time_variation) {
     return "Something changes while it is recorded, and more is missing than what was found.";
   }
+  if (!diagnosis.detection.detected && fails(diagnosis, kKeptOutTest)) {
+    return "Nothing was seen to be missing, but no recordings were kept out to test that.";
+  }
   if (diagnosis.effects.empty() && diagnosis.late_channels.empty() && diagnosis.verified) {
     return "The model as it is predicts about as well as it fits; it leaves a little that no law "
            "of "
@@ -205,6 +208,24 @@ bool has_no_size(const FittedLaw& law) {
   return any;
 }
 
+// Where a spring rests that was found beside a constant force at its place, k x + f = 0; empty: it
+// was found alone.
+std::string rest_words(const FoundEffect& spring, std::span<const Hypothesis> hypotheses,
+                       const Diagnosis& diagnosis) {
+  const Hypothesis& own = hypotheses[spring.law.hypothesis];
+  if (own.law != "stiffness" || spring.law.parameters.empty()) return "";
+  const LawParameterEstimate& stiffness = spring.law.parameters.front();
+  for (const FoundEffect& other : diagnosis.effects) {
+    const Hypothesis& hypothesis = hypotheses[other.law.hypothesis];
+    if (hypothesis.law != "offset" || hypothesis.place != own.place) continue;
+    if (other.law.parameters.empty() || !(stiffness.value > 0.0)) continue;
+    return fmt::format(" With the constant force found there it rests at {:.3g} {}.",
+                       -other.law.parameters.front().value / stiffness.value,
+                       stiffness.unit.ends_with("/rad") ? "rad" : "m");
+  }
+  return "";
+}
+
 std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses,
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
@@ -213,7 +234,7 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
       fmt::format("{}: {} ({}): {}.", is_doubtful(effect, diagnosis) ? "Not confirmed" : "Found",
                   effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
                   parameters_words(effect.law)) +
-      held_out_words(effect, diagnosis);
+      rest_words(effect, hypotheses, diagnosis) + held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
     return found + " Without it the model could not be fitted.";
   }
