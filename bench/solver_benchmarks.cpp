@@ -264,7 +264,7 @@ void register_solver(const Solver& solver) {
     register_solve(solver, "robot", count);
   }
   if (quadratic) return;
-  for (const std::string& family : graybox::bench::study_families()) {
+  for (const std::string& family : graybox::bench::study_families().whole) {
     register_solve(solver, family, kFullSize);
   }
 }
@@ -309,7 +309,7 @@ int run(int argc, char** argv) {
   for (const auto& entry : registry.entries()) {
     if (entry.solver != nullptr) register_solver(*entry.solver);
   }
-  for (const std::string& family : graybox::bench::study_families()) {
+  for (const std::string& family : graybox::bench::study_families().whole) {
     register_pass(family, kFullSize);
   }
   register_curves(registry.at("column_generation"));

@@ -367,34 +367,63 @@ class Study(Page):
         marks = self.ask("document.querySelectorAll('svg[data-plot=figure-3] g[data-series] .mark').length")
         self.assertEqual(marks, sum(len(points) for points in expected.values()))
 
-    def times_to_a_millionth(self):
-        times, instances = {}, set()
-        for (experiment, family, candidates, solver, gap), rows in self.groups("scaling", "families").items():
+    def costs_to_a_millionth(self, cost):
+        """Seconds (cost 0) or passes (cost 1) by solver and instance; nested subsets are no instances."""
+        costs, instances = {}, set()
+        for (_, family, candidates, solver, gap), rows in self.groups("families", "draws", "dimensions").items():
             instances.add((family, candidates))
             if all("1e-6" in row["reached"] for row in rows):
-                time = statistics.median(row["reached"]["1e-6"][0] for row in rows)
+                found = statistics.median(row["reached"]["1e-6"][cost] for row in rows)
             elif gap <= 1e-6 and (all(row["status"] == "solved" for row in rows)
                                   or max(row["duality_gap"] or math.inf for row in rows) <= 1e-6):
-                time = statistics.median(row["seconds"] for row in rows)
+                found = statistics.median(row[("seconds", "passes")[cost]] for row in rows)
             else:
                 continue
-            of_solver = times.setdefault(solver, {})
-            of_solver[family, candidates] = min(time, of_solver.get((family, candidates), math.inf))
-        return times, instances
+            costs.setdefault(solver, {})[family, candidates] = found
+        return costs, instances
 
     def test_profiles_are_those_of_the_rows(self):
-        times, instances = self.times_to_a_millionth()
+        times, instances = self.costs_to_a_millionth(0)
+        passes, _ = self.costs_to_a_millionth(1)
         best = {each: min(own[each] for own in times.values() if each in own) for each in instances}
-        for name, measure in (("data-profile", lambda own, each: own[each]),
-                              ("performance-profile", lambda own, each: own[each] / best[each])):
+        for name, costs, measure in (("data-profile", times, lambda own, each: own[each]),
+                                     ("data-profile-passes", passes, lambda own, each: own[each]),
+                                     ("performance-profile", times, lambda own, each: own[each] / best[each])):
             shown = self.plot(name)
-            self.assertEqual(set(shown), set(times))
-            for solver, own in times.items():
+            self.assertEqual(set(shown), set(costs))
+            for solver, own in costs.items():
                 values = [measure(own, each) for each in own]
                 for x, share in shown[solver].items():
                     solved = sum(value <= x * (1 + 2e-5) for value in values)
                     self.assertAlmostEqual(share, solved / len(instances), delta=1e-5, msg=(name, solver, x))
                 self.assertAlmostEqual(max(shown[solver].values()), len(own) / len(instances), delta=1e-5)
+
+    def test_means_are_those_of_the_rows(self):
+        times, instances = self.costs_to_a_millionth(0)
+        charge = 10 * max(max(own.values()) for own in times.values())
+        shown = {}
+        for row in self.ask("""[...document.querySelector('#comparison table').tBodies[0].rows].map(row =>
+                [...row.cells].map(cell => cell.dataset.value || cell.textContent))"""):
+            if row[0] in ("1e-6", "1e-06"):
+                shown[row[1]] = float(row[4])
+        self.assertEqual(set(shown), {"virtual best"} | {key[3] for key in self.groups("families", "draws", "dimensions")})
+        for solver, own in times.items():
+            logs = [math.log(own.get(each, charge) + 1e-3) for each in instances]
+            self.assertAlmostEqual(shown[solver] / (math.exp(statistics.fmean(logs)) - 1e-3), 1, delta=1e-4, msg=solver)
+
+    def test_failures_and_slow_points_are_listed(self):
+        points = {key: rows for key, rows in self.groups().items() if key[0] != "normalisation"}
+        unsolved = [key for key, rows in points.items() if any(row["status"] != "solved" for row in rows)]
+        tables = self.browser.find_elements(By.CSS_SELECTOR, "#failures table")
+        count = [len(table.find_elements(By.CSS_SELECTOR, "tbody tr")) for table in tables]
+        self.assertEqual(count[0], len(unsolved))
+        medians = {key: statistics.median(row["seconds"] for row in points[key]) for key in points if key not in unsolved}
+        slow = 0
+        for key, seconds in medians.items():
+            if key[3] == "column_generation":
+                others = [medians[each] for each in medians if (*each[:3], each[4]) == (*key[:3], key[4])]
+                slow += seconds > min(others)
+        self.assertEqual(count[1:], [slow] if slow else [])
 
     def test_tables_sort(self):
         heads = self.browser.find_elements(By.CSS_SELECTOR, "#points thead th")

@@ -6,6 +6,7 @@
 #include <array>
 #include <limits>
 #include <span>
+#include <string_view>
 #include <utility>
 
 #include "problems/base/error.hpp"
@@ -75,10 +76,56 @@ std::vector<StudyPoint> plan_of_own_sets(const StudyOptions& options,
   return plan;
 }
 
+// Experiments that are visited solver after solver. If time runs out, whole solvers are missing,
+// not sets of all.
+bool is_by_solver(const std::string& experiment) {
+  return experiment == "families" || experiment == "draws" || experiment == "dimensions";
+}
+
+// Every solver on these sets of about `size` candidates.
+void add_by_solver(const std::string& experiment, const std::vector<std::string>& sets,
+                   std::size_t size, const std::vector<std::string>& solvers,
+                   const StudyOptions& options, const SolverRegistry& registry,
+                   std::vector<StudyPoint>& plan) {
+  const double limit = limits_of(options).family_run_seconds;
+  const bool is_repeated = experiment == "families";  // a draw repeats another draw
+  for (const std::string& solver : solvers) {
+    for (const std::string& set : sets) {
+      StudyPoint point{experiment, set, size, solver, kFamilyGap, limit, is_repeated, ""};
+      if (registry.at(solver).traits().memory_exponent > 1 && size > kDrawSize) {
+        point.skipped_because = "memory and time grow faster than Q; see the robot's subsets";
+      }
+      plan.push_back(std::move(point));
+    }
+  }
+}
+
+// The first draws of all families before the second ones.
+std::vector<std::string> names_of_draws(const std::vector<std::string>& families,
+                                        std::size_t draws) {
+  std::vector<std::string> names;
+  for (std::size_t k = 1; k <= draws; ++k) {
+    for (const std::string& family : families)
+      names.push_back(fmt::format("{}_draw_{}", family, k));
+  }
+  return names;
+}
+
+std::vector<std::string> names_of_ladder(const std::vector<std::string>& families,
+                                         std::size_t largest) {
+  std::vector<std::string> names;
+  for (const std::string& family : families) {
+    for (const std::size_t d : kDimensions) {
+      if (d <= largest) names.push_back(fmt::format("{}_{}", family, d));
+    }
+  }
+  return names;
+}
+
 // Points whose solvers are shuffled together.
 bool same_block(const StudyPoint& a, const StudyPoint& b) {
   if (a.experiment != b.experiment) return false;
-  return a.experiment == "families" || (a.family == b.family && a.candidates == b.candidates);
+  return is_by_solver(a.experiment) || (a.family == b.family && a.candidates == b.candidates);
 }
 
 // The names of a block's solvers, in random order.
@@ -97,13 +144,13 @@ StudyLimits limits_of(const StudyOptions& options) {
   StudyLimits limits;
   switch (options.mode) {
     case StudyMode::kQuick:
-      limits = {2.0, 0.5, 4 * kGigabyte, 3, 1.0, 100.0};
+      limits = {2.0, 0.5, 4 * kGigabyte, 3, 1.0, 100.0, 0, 0};
       break;
     case StudyMode::kStandard:
-      limits = {10.0, 4.0, 4 * kGigabyte, 9, 20.0, 840.0};
+      limits = {10.0, 4.0, 4 * kGigabyte, 9, 20.0, 840.0, 3, 48};
       break;
     case StudyMode::kFull:
-      limits = {1800.0, 60.0, 8 * kGigabyte, 9, 20.0, kInfinity};
+      limits = {1800.0, 60.0, 8 * kGigabyte, 9, 20.0, kInfinity, kMostDraws, kDimensions.back()};
       break;
   }
   if (options.time_limit) {
@@ -125,7 +172,7 @@ std::vector<std::size_t> study_sizes(std::size_t max_candidates) {
 }
 
 std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegistry& registry,
-                                  const std::vector<std::string>& families,
+                                  const StudyFamilies& families,
                                   const std::vector<OwnSetSize>& own) {
   check(options);
   const StudyLimits limits = limits_of(options);
@@ -152,20 +199,26 @@ std::vector<StudyPoint> make_plan(const StudyOptions& options, const SolverRegis
     }
   }
   std::vector<std::string> all{"robot"};
-  all.insert(all.end(), families.begin(), families.end());
-  // Solver after solver: if time runs out, whole solvers are missing, not families of all.
-  for (const std::string& solver : solvers) {
-    for (const std::string& family : all) {
-      StudyPoint point{"families", family,     sizes.back(),
-                       solver,     kFamilyGap, limits.family_run_seconds,
-                       false,      ""};
-      if (registry.at(solver).traits().memory_exponent > 1 && sizes.back() > 2000) {
-        point.skipped_because = "memory and time grow faster than Q; see the robot's subsets";
-      }
-      plan.push_back(std::move(point));
-    }
-  }
+  all.insert(all.end(), families.whole.begin(), families.whole.end());
+  add_by_solver("families", all, sizes.back(), solvers, options, registry, plan);
+  const std::size_t size = std::min(kDrawSize, sizes.back());
+  add_by_solver("draws", names_of_draws(families.drawn, limits.draws), size, solvers, options,
+                registry, plan);
+  add_by_solver("dimensions", names_of_ladder(families.dimensions, limits.dimension), size, solvers,
+                options, registry, plan);
   return plan;
+}
+
+StudySetName study_set_name(const std::string& name) {
+  constexpr std::string_view kDraw = "_draw";
+  const std::size_t line = name.rfind('_');
+  const std::string digits = line == std::string::npos ? std::string() : name.substr(line + 1);
+  const bool is_number = !digits.empty() && digits.size() <= 6 && digits.front() != '0' &&
+                         digits.find_first_not_of("0123456789") == std::string::npos;
+  if (!is_number) return {name, 0, 0};
+  const std::string stem = name.substr(0, line);
+  if (!stem.ends_with(kDraw)) return {stem, 0, std::stoul(digits)};
+  return {stem.substr(0, stem.size() - kDraw.size()), std::stoul(digits), 0};
 }
 
 std::vector<std::size_t> visiting_order(const std::vector<StudyPoint>& plan, std::uint64_t seed,

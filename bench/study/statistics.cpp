@@ -14,6 +14,18 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Of all values, infinite ones among them, the share that is at most each of the finite ones.
+template <typename Step>
+std::vector<Step> shares_up_to(std::vector<double> values) {
+  std::ranges::sort(values);
+  std::vector<Step> steps;
+  for (std::size_t k = 0; k < values.size() && std::isfinite(values[k]); ++k) {
+    if (k + 1 < values.size() && values[k + 1] == values[k]) continue;
+    steps.push_back({values[k], static_cast<double>(k + 1) / static_cast<double>(values.size())});
+  }
+  return steps;
+}
+
 }  // namespace
 
 Quartiles quartiles(std::vector<double> sample) {
@@ -82,25 +94,21 @@ std::optional<double> crossover(std::span<const double> x, std::span<const doubl
 
 std::vector<std::vector<ProfileStep>> performance_profiles(
     const std::vector<std::vector<double>>& times) {
-  const std::size_t instances = times.empty() ? 0 : times.front().size();
   const std::vector<double> best = virtual_best(times);
   std::vector<std::vector<ProfileStep>> profiles;
   for (const auto& row : times) {
     std::vector<double> ratios;
-    for (std::size_t i = 0; i < instances; ++i) {
-      if (std::isfinite(row[i])) ratios.push_back(row[i] / best[i]);
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      ratios.push_back(std::isfinite(row[i]) ? row[i] / best[i] : kInfinity);
     }
-    std::ranges::sort(ratios);
-    std::vector<ProfileStep>& steps = profiles.emplace_back();
-    for (std::size_t k = 0; k < ratios.size(); ++k) {
-      const double share = static_cast<double>(k + 1) / static_cast<double>(instances);
-      if (!steps.empty() && steps.back().tau == ratios[k]) {
-        steps.back().share = share;
-      } else {
-        steps.push_back({ratios[k], share});
-      }
-    }
+    profiles.push_back(shares_up_to<ProfileStep>(std::move(ratios)));
   }
+  return profiles;
+}
+
+std::vector<std::vector<BudgetStep>> data_profiles(const std::vector<std::vector<double>>& costs) {
+  std::vector<std::vector<BudgetStep>> profiles;
+  for (const auto& row : costs) profiles.push_back(shares_up_to<BudgetStep>(row));
   return profiles;
 }
 

@@ -49,6 +49,15 @@ struct ProfileStep {
 [[nodiscard]] std::vector<std::vector<ProfileStep>> performance_profiles(
     const std::vector<std::vector<double>>& times);
 
+// More and Wild (2009): for each solver the share of instances that it has solved within a budget,
+// seconds or passes over the set. costs[solver][instance]; infinity where not solved.
+struct BudgetStep {
+  double budget = 0.0;
+  double share = 0.0;
+};
+[[nodiscard]] std::vector<std::vector<BudgetStep>> data_profiles(
+    const std::vector<std::vector<double>>& costs);
+
 // exp(mean of log(t + shift)) - shift: a mean that a few very short times do not rule, as they rule
 // the geometric mean. A time that is infinite counts as `charge`. Throws InputError where there are
 // no times, or one with its shift is not positive.

@@ -65,7 +65,7 @@ class SetStore {
     InformationSet set = setup_.make_set(family, candidates);
     std::string hash = set.content_hash();
     std::string file = file_of(family, set, hash);
-    return {std::move(set), std::move(hash), std::move(file), {family, kStudySetSeed, ""}};
+    return {std::move(set), std::move(hash), std::move(file), {family, study_set_seed(family), ""}};
   }
 
   [[nodiscard]] std::string file_of(const std::string& name, const InformationSet& set,
@@ -94,9 +94,11 @@ struct PointState {
   bool skipped = false;
 };
 
-// Points that differ in Q alone.
+// Points that differ in Q, in the draw or in d alone.
 std::tuple<std::string, std::string, std::string> series_of(const StudyPoint& point) {
-  return {point.experiment, point.family, point.solver};
+  const bool is_own = point.experiment == "own";  // a file by any name
+  return {point.experiment, is_own ? point.family : study_set_name(point.family).family,
+          point.solver};
 }
 
 bool stops_larger_sets(ReportStatus status) {
@@ -337,8 +339,11 @@ class StudyRunner {
   void take(PointState& state, RunRow row) {
     const StudyPoint& point = state.point;
     if (round_ == 0 && stops_larger_sets(row.status) && point.experiment != "families") {
-      stopped_.try_emplace(series_of(point), fmt::format("stopped at Q = {}: {}", row.candidates,
-                                                         to_string(row.status)));
+      const std::string where = point.experiment == "draws" || point.experiment == "dimensions"
+                                    ? point.family
+                                    : fmt::format("Q = {}", row.candidates);
+      stopped_.try_emplace(series_of(point),
+                           fmt::format("stopped at {}: {}", where, to_string(row.status)));
     }
     if (round_ == 0) {
       state.wanted = 1;

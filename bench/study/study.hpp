@@ -19,7 +19,8 @@
 // the solvers come in random order (visiting_order). How often a point is repeated follows from its
 // first run: as often as fits into limits.point_seconds, at most limits.repetitions times, once if
 // it was not solved. In the scaling and normalisation experiments a solver that ran out of time or
-// memory at some Q is not tried at a larger one; a skip row says so.
+// memory at some Q is not tried at a larger one. Nor is it tried on further draws of a family, or
+// at a larger d. A skip row says so.
 #pragma once
 
 #include <cstddef>
@@ -38,7 +39,7 @@ namespace graybox::bench {
 struct StudySetup {
   // The set of a family with (at most) that many candidates. "robot" and the families below.
   std::function<InformationSet(const std::string& family, std::size_t candidates)> make_set;
-  std::vector<std::string> families;  // besides "robot"
+  StudyFamilies families;
   std::vector<std::string> worker;    // command to which worker_arguments() are added
   std::string binary;                 // program_hash() of the worker
   std::function<bool()> interrupted;  // polled; true ends the study cleanly

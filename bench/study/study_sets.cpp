@@ -6,7 +6,6 @@
 #include <thread>
 #include <vector>
 
-#include "bench/study/plan.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/families/families.hpp"
 #include "problems/mechanisms/robot_model.hpp"
@@ -19,42 +18,68 @@ namespace {
 constexpr double kUnitDecades = 12.0;
 constexpr std::size_t kCopies = 10;  // of every matrix of `dup`
 
-InformationSet robot_set(std::size_t candidates) {
+InformationSet robot_set(const PositionTable& positions) {
   const RobotModel robot = load_robot_model(default_robot_file());
   const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  return robot_information_set(robot, robot_grid(candidates), {.threads = threads});
+  return robot_information_set(robot, positions, {.threads = threads});
+}
+
+// Random positions of the paper's grid, all of them from as many candidates on.
+PositionTable drawn_positions(std::size_t candidates, std::uint64_t seed) {
+  const std::size_t count = std::min(candidates, kPaperGridSize);
+  return paper_grid().subset(nested_subset(kPaperGridSize, count, seed));
+}
+
+std::size_t whole_copies(std::size_t candidates) {
+  return std::max(kCopies, candidates / kCopies * kCopies);
 }
 
 }  // namespace
 
-const std::vector<std::string>& study_families() {
-  static const std::vector<std::string> names{"rob",      "wis",     "flat",        "smo",
-                                              "smr6",     "r1g",     "cube3",       "dup",
-                                              "legendre", "splines", "exponentials"};
-  return names;
+const StudyFamilies& study_families() {
+  static const StudyFamilies all{
+      .whole = {"rob", "wis", "flat", "smo", "smr6", "r1g", "cube3", "dup", "legendre", "splines",
+                "exponentials"},
+      .drawn = {"robot", "rob", "wis", "flat", "smo", "smr6", "r1g", "dup"},
+      .dimensions = {"wis", "r1g"}};
+  return all;
+}
+
+std::uint64_t study_set_seed(const std::string& name) {
+  return kStudySetSeed + study_set_name(name).draw;
 }
 
 bool is_study_set(const std::string& family, std::size_t candidates) {
-  const std::vector<std::string>& names = study_families();
-  const bool known = family == "robot" || family == "robot_units" ||
-                     std::ranges::find(names, family) != names.end();
+  const auto holds = [](const auto& list, const auto& item) {
+    return std::ranges::find(list, item) != list.end();
+  };
+  const StudySetName name = study_set_name(family);
+  const StudyFamilies& all = study_families();
+  if (name.draw > 0) {
+    return holds(all.drawn, name.family) && name.draw <= kMostDraws && candidates <= kDrawSize;
+  }
+  if (name.dimension > 0) {
+    return holds(all.dimensions, name.family) && holds(kDimensions, name.dimension) &&
+           candidates <= kDrawSize;
+  }
+  const bool known = family == "robot" || family == "robot_units" || holds(all.whole, family);
   return known && candidates <= kFullSize;
 }
 
-InformationSet make_study_set(const std::string& family, std::size_t candidates) {
-  if (const auto end = family.find_last_not_of("0123456789");
-      end != std::string::npos && end + 1 < family.size() && family[end] == '_') {
-    return make_family(family.substr(0, end), candidates, std::stoul(family.substr(end + 1)),
-                       kStudySetSeed);
-  }
-  if (family == "robot") return robot_set(candidates);
-  if (family == "robot_units") return in_units(robot_set(candidates), kUnitDecades);
+InformationSet make_study_set(const std::string& name, std::size_t candidates) {
+  const auto [family, draw, dimension] = study_set_name(name);
+  const std::uint64_t seed = study_set_seed(name);
+  if (draw > 0 && family == "robot") return robot_set(drawn_positions(candidates, seed));
+  if (draw > 0 && family == "dup") return make_family(family, whole_copies(candidates), 0, seed);
+  if (draw > 0 || dimension > 0) return make_family(family, candidates, dimension, seed);
+  if (family == "robot") return robot_set(robot_grid(candidates));
+  if (family == "robot_units") return in_units(robot_set(robot_grid(candidates)), kUnitDecades);
   const auto known = std::ranges::find(families(), family, &Family::name);
   if (known == families().end()) return make_family(family);  // throws, listing all
   if (known->fixed_size) return make_family(family, 0, 0, kStudySetSeed);
   if (family == "dup") {
     const std::size_t most = std::min(candidates, known->default_candidates);
-    return make_family(family, std::max(kCopies, most / kCopies * kCopies), 0, kStudySetSeed);
+    return make_family(family, whole_copies(most), 0, kStudySetSeed);
   }
   return make_family(family, candidates, 0, kStudySetSeed);
 }

@@ -150,6 +150,18 @@ void write_profiles(const std::vector<PointSummary>& points, const fs::path& fol
     }
   }
   profile.write(folder / "performance_profile.csv");
+  Csv budgets({"solver", "budget", "within", "share"});
+  const auto add = [&](const std::string& budget, const std::vector<std::vector<double>>& costs) {
+    const auto steps = data_profiles(costs);
+    for (std::size_t s = 0; s < steps.size(); ++s) {
+      for (const BudgetStep& step : steps[s]) {
+        budgets.add({data.solvers[s], budget, number(step.budget), number(step.share)});
+      }
+    }
+  };
+  add("seconds", data.times);
+  add("passes", data.passes);
+  budgets.write(folder / "data_profile.csv");
 }
 
 void write_mean_times(const std::vector<PointSummary>& points, const fs::path& folder) {
@@ -332,6 +344,72 @@ std::string agreement_text(const std::vector<Agreement>& agreements) {
       agreements.size(), spread);
 }
 
+// "1e-6".
+std::string gap_text(double gap) { return fmt::format("1e-{}", std::lround(-std::log10(gap))); }
+
+// Solver against gap, the fastest at kProfileGap first: the shifted mean, and how many instances it
+// solved where not all.
+std::string mean_table(std::vector<MeanTime> means) {
+  std::ranges::stable_sort(means, {}, &MeanTime::seconds);
+  std::map<std::pair<std::string, double>, std::string> cells;
+  std::vector<std::string> solvers;
+  for (const MeanTime& mean : means) {
+    if (mean.gap == kProfileGap) solvers.push_back(mean.solver);
+    cells[{mean.solver, mean.gap}] =
+        mean.solved == mean.instances
+            ? fmt::format("{:.3g}", mean.seconds)
+            : fmt::format("{:.3g} ({} of {})", mean.seconds, mean.solved, mean.instances);
+  }
+  std::string text = "| solver |", line = "\n|---|";
+  for (const double gap : kComparedGaps) {
+    text += fmt::format(" {} |", gap_text(gap));
+    line += "---|";
+  }
+  text += line;
+  for (const std::string& solver : solvers) {
+    text += fmt::format("\n| {} |", solver);
+    for (const double gap : kComparedGaps) {
+      const auto cell = cells.find({solver, gap});
+      text += fmt::format(" {} |", cell == cells.end() ? "" : cell->second);
+    }
+  }
+  return text + "\n";
+}
+
+// How many times longer the others take than the default back-end.
+std::string ratio_table(const std::vector<SolverRatio>& ratios) {
+  std::string text =
+      "| solver | gap | ratio | 95 % interval | solved by both | families |\n"
+      "|---|---|---|---|---|---|\n";
+  for (const SolverRatio& each : ratios) {
+    const PairedRatio& r = each.ratio;
+    text += fmt::format("| {} | {} | {:.3g} | {} | {} | {} |\n", each.solver, gap_text(each.gap),
+                        r.ratio,
+                        std::isfinite(r.upper) ? fmt::format("{:.3g} to {:.3g}", r.lower, r.upper)
+                                               : "one family only",
+                        r.instances, r.groups);
+  }
+  return text;
+}
+
+// Where solvers fail: how often each and how, with the first such point.
+std::string failure_table(const std::vector<PointSummary>& points) {
+  std::map<std::pair<std::string, std::string>, std::pair<std::size_t, std::string>> found;
+  for (const PointSummary& p : points) {
+    if (p.status == ReportStatus::kSolved || p.experiment == "normalisation") continue;
+    auto& [count, first] = found[{p.solver, std::string(to_string(p.status))}];
+    if (count++ == 0)
+      first = fmt::format("{} Q = {}, gap {:.0e}", p.family, p.candidates, p.gap_asked);
+  }
+  if (found.empty()) return "Every solver solved every point that it was run on.\n";
+  std::string text = "| solver | status | points | the first |\n|---|---|---|---|\n";
+  for (const auto& [key, value] : found) {
+    text +=
+        fmt::format("| {} | {} | {} | {} |\n", key.first, key.second, value.first, value.second);
+  }
+  return text;
+}
+
 bool has_points(const std::vector<PointSummary>& points, const std::string& experiment) {
   return std::ranges::find(points, experiment, &PointSummary::experiment) != points.end();
 }
@@ -357,6 +435,16 @@ std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>&
     text += fmt::format("\n## Fitted exponents of time against Q, Q >= {}\n\n", kFitFrom) +
             law_table(laws);
   }
+  text += fmt::format(
+              "\n## Mean seconds to equal accuracy\n\nGeometric means, shifted by {} s; what was "
+              "not solved or not run is charged ten times the longest time "
+              "(tables/mean_times.csv).\n\n",
+              kShift) +
+          mean_table(mean_times(points));
+  if (const auto ratios = ratios_against(kDefaultSolver, solver_ratios(points)); !ratios.empty()) {
+    text += fmt::format("\n## Times longer than {}\n\n", kDefaultSolver) + ratio_table(ratios);
+  }
+  text += "\n## Where solvers fail\n\n" + failure_table(points);
   text += "\n## Environment\n\n" + environment_text(rows);
   return text;
 }

@@ -8,6 +8,8 @@
 #include <tuple>
 #include <utility>
 
+#include "bench/study/plan.hpp"
+
 namespace graybox::bench {
 namespace {
 
@@ -197,13 +199,30 @@ double excess(const RunRow& a, const RunRow& b) {
   return std::abs(a.log_det - b.log_det) - bound(a) - bound(b) - rounding;
 }
 
-double time_to_gap(const PointSummary& point, double gap) {
+GapReached cost_to_gap(const PointSummary& point, double gap) {
   const std::string level = fmt::format("1e-{}", std::lround(-std::log10(gap)));
-  if (const auto at = point.reached.find(level); at != point.reached.end()) {
-    return at->second.seconds;
-  }
+  if (const auto at = point.reached.find(level); at != point.reached.end()) return at->second;
   const bool reached = point.checked_gap <= gap || point.status == ReportStatus::kSolved;
-  return reached && point.gap_asked <= gap ? point.seconds.median : kInfinity;
+  if (!reached || point.gap_asked > gap) return {kInfinity, kInfinity};
+  return {point.seconds.median, point.passes};
+}
+
+// Points of the profiles, see ProfileData.
+std::vector<const PointSummary*> profile_points(const std::vector<PointSummary>& points) {
+  const auto is_nested = [](const PointSummary& p) { return p.experiment == "scaling"; };
+  const auto is_left_out = [](const PointSummary& p) { return p.experiment == "normalisation"; };
+  const bool any_else = std::ranges::any_of(
+      points, [&](const PointSummary& p) { return !is_nested(p) && !is_left_out(p); });
+  std::vector<const PointSummary*> chosen;
+  for (const PointSummary& point : points) {
+    if (!is_left_out(point) && !(any_else && is_nested(point))) chosen.push_back(&point);
+  }
+  return chosen;
+}
+
+// Draws and sizes of one family are no independent families.
+std::string group_name(const PointSummary& point) {
+  return point.experiment == "own" ? point.family : study_set_name(point.family).family;
 }
 
 }  // namespace
@@ -241,30 +260,33 @@ std::vector<SolverLaw> fit_laws(const std::vector<PointSummary>& points) {
 }
 
 ProfileData profile_data(const std::vector<PointSummary>& points, double gap) {
-  std::map<std::string, std::map<std::string, double>> table;
+  std::map<std::string, std::map<std::string, GapReached>> table;
   ProfileData data;
   std::vector<std::string> families;
   const auto note = [](std::vector<std::string>& list, const std::string& name) {
     if (std::ranges::find(list, name) == list.end()) list.push_back(name);
   };
-  for (const PointSummary& point : points) {
-    if (point.experiment == "normalisation") continue;
-    const std::string instance = fmt::format("{}/{}", point.family, point.candidates);
-    note(data.solvers, point.solver);
-    note(families, point.family);
+  constexpr GapReached kNever{kInfinity, kInfinity};
+  for (const PointSummary* point : profile_points(points)) {
+    const std::string instance = fmt::format("{}/{}", point->family, point->candidates);
+    note(data.solvers, point->solver);
+    note(families, group_name(*point));
     if (std::ranges::find(data.instances, instance) == data.instances.end()) {
       data.instances.push_back(instance);
-      const auto family = std::ranges::find(families, point.family) - families.begin();
+      const auto family = std::ranges::find(families, group_name(*point)) - families.begin();
       data.groups.push_back(static_cast<std::size_t>(family));
     }
-    const auto place = table[point.solver].try_emplace(instance, kInfinity).first;
-    place->second = std::min(place->second, time_to_gap(point, gap));
+    GapReached& best = table[point->solver].try_emplace(instance, kNever).first->second;
+    if (const GapReached cost = cost_to_gap(*point, gap); cost.seconds < best.seconds) best = cost;
   }
   for (const std::string& solver : data.solvers) {
-    std::vector<double>& row = data.times.emplace_back();
+    std::vector<double>& times = data.times.emplace_back();
+    std::vector<double>& passes = data.passes.emplace_back();
     for (const std::string& instance : data.instances) {
       const auto at = table[solver].find(instance);
-      row.push_back(at == table[solver].end() ? kInfinity : at->second);
+      const GapReached cost = at == table[solver].end() ? kNever : at->second;
+      times.push_back(cost.seconds);
+      passes.push_back(cost.passes > 0.0 ? cost.passes : kInfinity);
     }
   }
   return data;
@@ -289,7 +311,7 @@ std::vector<MeanTime> mean_times(const std::vector<PointSummary>& points) {
                        .charge = 10.0 * longest,
                        .seconds = shifted_geometric_mean(times, kShift, 10.0 * longest)});
     };
-    add("virtual best", virtual_best(data.times));
+    add(kVirtualBest, virtual_best(data.times));
     for (std::size_t s = 0; s < data.solvers.size(); ++s) add(data.solvers[s], data.times[s]);
   }
   return means;
@@ -309,13 +331,27 @@ std::vector<SolverRatio> solver_ratios(const std::vector<PointSummary>& points) 
     };
     const std::vector<double> best = virtual_best(data.times);
     for (std::size_t s = 0; s < data.solvers.size(); ++s) {
-      add(s, "virtual best", best);
+      add(s, kVirtualBest, best);
       for (std::size_t t = s + 1; t < data.solvers.size(); ++t) {
         add(s, data.solvers[t], data.times[t]);
       }
     }
   }
   return ratios;
+}
+
+std::vector<SolverRatio> ratios_against(const std::string& solver,
+                                        const std::vector<SolverRatio>& ratios) {
+  std::vector<SolverRatio> turned;
+  for (SolverRatio each : ratios) {
+    if (each.solver == solver && each.against != kVirtualBest) {
+      std::swap(each.solver, each.against);
+      PairedRatio& r = each.ratio;
+      r = {1.0 / r.ratio, 1.0 / r.upper, 1.0 / r.lower, r.instances, r.groups};
+    }
+    if (each.against == solver) turned.push_back(std::move(each));
+  }
+  return turned;
 }
 
 std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs) {

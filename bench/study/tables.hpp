@@ -17,6 +17,8 @@ namespace graybox::bench {
 
 inline constexpr std::size_t kFitFrom = 500;  // exponents describe large Q, not start-up costs
 inline constexpr double kProfileGap = 1e-6;
+inline constexpr const char* kVirtualBest = "virtual best";
+inline constexpr const char* kDefaultSolver = "column_generation";
 inline constexpr std::array kComparedGaps{1e-3, 1e-6, 1e-9};  // at which times are compared
 
 struct PointSummary {
@@ -80,12 +82,16 @@ struct Headline {
 // None without points of the scaling experiment.
 [[nodiscard]] std::vector<Headline> headlines(const std::vector<PointSummary>& points);
 
-// One time for each solver and instance: to this checked gap, infinity if not reached.
+// One time for each solver and instance: to this checked gap, infinity if not reached. The passes
+// over the set that it took are infinite, too, where a program doesn't tell them. The normalisation
+// experiment stays out, and so do the robot's nested subsets wherever anything else was run: they
+// are no independent instances.
 struct ProfileData {
   std::vector<std::string> solvers;
   std::vector<std::string> instances;
-  std::vector<std::vector<double>> times;  // [solver][instance]
-  std::vector<std::size_t> groups;         // [instance]: its family, for subsets are nested
+  std::vector<std::vector<double>> times;   // [solver][instance]
+  std::vector<std::vector<double>> passes;  // likewise
+  std::vector<std::size_t> groups;          // [instance]: its family
 };
 
 [[nodiscard]] ProfileData profile_data(const std::vector<PointSummary>& points,
@@ -112,5 +118,10 @@ struct SolverRatio {
 };
 // For each of kComparedGaps, of all pairs that have solved an instance in common.
 [[nodiscard]] std::vector<SolverRatio> solver_ratios(const std::vector<PointSummary>& points);
+
+// Those between any solver and this one, turned so that they say how many times longer the other
+// takes.
+[[nodiscard]] std::vector<SolverRatio> ratios_against(const std::string& solver,
+                                                      const std::vector<SolverRatio>& ratios);
 
 }  // namespace graybox::bench

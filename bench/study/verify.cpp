@@ -39,9 +39,10 @@ InformationSet set_of(const RunRow& row, const SetMaker& make_set) {
   if (origin.path.empty() && !is_study_set(origin.generator, row.candidates)) {
     throw InputError(fmt::format("{} Q = {}: is no set of the study", row.family, row.candidates));
   }
-  if (origin.path.empty() && origin.seed != kStudySetSeed) {
+  const std::uint64_t seed = study_set_seed(origin.generator);
+  if (origin.path.empty() && origin.seed != seed) {
     throw InputError(fmt::format("{}: this build makes it with the seed {} alone, not {}",
-                                 row.family, kStudySetSeed, origin.seed));
+                                 row.family, seed, origin.seed));
   }
   InformationSet set = origin.path.empty() ? make_set(origin.generator, row.candidates)
                                            : read_own_set(file_of(row)).set;

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "bench/study_page/comparison_tables.hpp"
 #include "bench/study_page/page_facts.hpp"
 #include "bench/study_page/solver_sections.hpp"
 #include "bench/study_page/study_page_tables.hpp"
@@ -121,6 +122,8 @@ std::string study_page(const StudyRows& rows, const PageOrigin& origin) {
   solvers.tables = {solvers_table(facts, laws)};
   if (!lines.empty()) solvers.tables.push_back(headlines_table(lines));
   page.sections.push_back(std::move(solvers));
+  page.sections.push_back(comparison_section(points));
+  page.sections.push_back(failures_section(facts));
   page.sections.push_back(points_section(facts));
   for (PageSection& section : solver_sections(facts)) page.sections.push_back(std::move(section));
   PageSection agreement{.id = "agreement", .title = "Agreement"};

@@ -93,12 +93,13 @@ ComparisonPlot performance_plot(const PageFacts& facts, const ProfileData& profi
   plot.caption = fmt::format(
       "Of {} instances, to a checked gap of {}: the share on which a solver takes at most so "
       "many times the time of the fastest (Dolan and Moré 2002). Higher is better. Beside the "
-      "names: the share solved at all. Subsets of one robot are not independent instances.",
+      "names: the share solved at all.",
       profile.instances.size(), gap_words(kProfileGap));
   return plot;
 }
 
-ComparisonPlot data_plot(const PageFacts& facts, const ProfileData& profile) {
+ComparisonPlot data_plot(const PageFacts& facts, const std::vector<std::string>& names,
+                         const std::vector<std::vector<double>>& costs) {
   ComparisonPlot plot{.id = "data-profile",
                       .title = "Data profile: how much is solved in a given time",
                       .x = {.label = "time", .logarithmic = true, .number = PlotNumber::kSeconds},
@@ -107,17 +108,14 @@ ComparisonPlot data_plot(const PageFacts& facts, const ProfileData& profile) {
                             .ticks = {0.0, 0.25, 0.5, 0.75, 1.0}},
                       .series = {},
                       .has_steps = true};
+  const auto profiles = data_profiles(costs);
   for (const std::string& solver : facts.solvers) {
-    const auto at = std::ranges::find(profile.solvers, solver);
-    if (at == profile.solvers.end()) continue;
-    std::vector<double> times =
-        profile.times[static_cast<std::size_t>(at - profile.solvers.begin())];
-    std::ranges::sort(times);
+    const auto at = std::ranges::find(names, solver);
+    if (at == names.end()) continue;
     PlotSeries series = series_of(facts, solver);
-    for (std::size_t k = 0; k < times.size() && std::isfinite(times[k]); ++k) {
-      if (k + 1 < times.size() && times[k + 1] == times[k]) continue;
-      series.x.push_back(times[k]);
-      series.y.push_back(static_cast<double>(k + 1) / static_cast<double>(times.size()));
+    for (const BudgetStep& step : profiles[static_cast<std::size_t>(at - names.begin())]) {
+      series.x.push_back(step.budget);
+      series.y.push_back(step.share);
     }
     if (series.x.empty()) continue;
     series.words = fmt::format("{:.0f} %", 100.0 * series.y.back());
@@ -129,13 +127,25 @@ ComparisonPlot data_plot(const PageFacts& facts, const ProfileData& profile) {
   return plot;
 }
 
+ComparisonPlot passes_plot(const PageFacts& facts, const ProfileData& profile) {
+  ComparisonPlot plot = data_plot(facts, profile.solvers, profile.passes);
+  plot.id = "data-profile-passes";
+  plot.title = "Data profile: how much is solved in so many passes over the set";
+  plot.x = {.label = "passes over the set", .logarithmic = true};
+  plot.caption =
+      "The same with bytes read as the budget, in passes over the set: it depends on no machine. "
+      "Programs that don't tell their passes are not drawn.";
+  return plot;
+}
+
 }  // namespace
 
 std::vector<ComparisonPlot> study_plots(const PageFacts& facts, const std::vector<SolverLaw>& laws,
                                         const ProfileData& profile) {
   std::vector<ComparisonPlot> plots;
   std::vector<ComparisonPlot> all{figure_3(facts, laws), performance_plot(facts, profile),
-                                  data_plot(facts, profile)};
+                                  data_plot(facts, profile.solvers, profile.times),
+                                  passes_plot(facts, profile)};
   for (ComparisonPlot& plot : all) {
     if (!plot.series.empty()) plots.push_back(std::move(plot));
   }

@@ -1,9 +1,9 @@
-// The pictures of a study: time against Q (the paper's Figure 3), and two kinds of profiles.
+// The pictures of a study: time against Q (the paper's Figure 3), and profiles of three kinds.
 //
 // Performance profile (Dolan and More 2002): the share of instances on which a solver is at most a
-// factor tau slower than the fastest. Data profile (More and Wild 2009, with seconds as the
-// budget): the share that it has solved within a time. Both to a checked gap of kProfileGap, over
-// all instances but those of the normalisation experiment.
+// factor tau slower than the fastest. Data profiles (More and Wild 2009): the share that it has
+// solved within a budget, in seconds, and in passes over the set, which depend on no machine. All
+// to a checked gap of kProfileGap, over the instances of profile_data().
 #pragma once
 
 #include <vector>

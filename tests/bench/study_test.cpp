@@ -23,6 +23,7 @@
 #include "bench/study/row_file.hpp"
 #include "bench/study/run_row.hpp"
 #include "bench/study/statistics.hpp"
+#include "bench/study/study_sets.hpp"
 #include "bench/study/summary.hpp"
 #include "bench/study/tables.hpp"
 #include "bench/study/verify.hpp"
@@ -349,6 +350,25 @@ TEST_F(Study, StopsASolverAtTheSizeItCouldNotDo) {
   EXPECT_EQ(all.skips[0].candidates, 100U);
 }
 
+TEST_F(Study, StopsASolverAtTheDrawItCouldNotDo) {
+  options_.mode = StudyMode::kStandard;  // three draws
+  options_.families = true;
+  options_.max_candidates = 50;
+  setup_.families = {.whole = {}, .drawn = {"wis"}, .dimensions = {}};
+  run({"sleeper", "quitter"});
+  std::map<std::string, std::vector<std::string>> drawn;
+  for (const RunRow& row : rows().runs) {
+    if (row.key.experiment == "draws") drawn[row.key.solver].push_back(row.family);
+    EXPECT_EQ(row.origin.seed, study_set_seed(row.family));
+  }
+  EXPECT_EQ(drawn.at("sleeper"), std::vector<std::string>{"wis_draw_1"});
+  EXPECT_EQ(drawn.at("quitter"),
+            (std::vector<std::string>{"wis_draw_1", "wis_draw_2", "wis_draw_3"}));
+  std::vector<std::string> reasons;
+  for (const SkipRow& skip : rows().skips) reasons.push_back(skip.reason);
+  EXPECT_EQ(reasons, std::vector<std::string>(2, "stopped at wis_draw_1: time_limit"));
+}
+
 TEST_F(Study, ResumesAfterATornLineAndRunsOnlyWhatIsMissing) {
   const StudyOutcome whole = run({"honest", "quitter", "crasher"});
   const std::size_t total = rows().runs.size();
@@ -414,12 +434,17 @@ TEST_F(Study, RefusesWhatItCanNotRun) {
 TEST_F(Study, WritesItsTablesAndSummary) {
   run({"honest", "liar"});
   const std::string summary = write_tables(rows(), options_.output);
-  for (const char* name : {"points.csv", "fitted_exponents.csv", "time_to_gap.csv",
-                           "performance_profile.csv", "profile_instances.csv", "mean_times.csv",
-                           "paired_ratios.csv", "agreement.csv", "headlines.csv", "skipped.csv"}) {
+  for (const char* name :
+       {"points.csv", "fitted_exponents.csv", "time_to_gap.csv", "performance_profile.csv",
+        "data_profile.csv", "profile_instances.csv", "mean_times.csv", "paired_ratios.csv",
+        "agreement.csv", "headlines.csv", "skipped.csv"}) {
     EXPECT_TRUE(fs::exists(options_.output / "tables" / name)) << name;
   }
   EXPECT_NE(summary.find("claimed_but_wrong"), std::string::npos);
+  EXPECT_NE(summary.find("Mean seconds to equal accuracy"), std::string::npos);
+  EXPECT_NE(summary.find("| liar | claimed_but_wrong | 2 | robot Q = 50, gap 1e-03 |"),
+            std::string::npos)
+      << summary;
   EXPECT_NE(summary.find("processor"), std::string::npos);
   EXPECT_EQ(text(options_.output / "summary.md"), summary);
 }
@@ -889,7 +914,8 @@ TEST(Agreement, HonestAnswersAgreeAndALieIsCaught) {
 
 TEST(Plan, SolversAreShuffledWithinASetAndSizesAscend) {
   const SolverRegistry registry = testing::study_registry({"honest", "liar", "quitter", "crasher"});
-  const auto plan = make_plan(StudyOptions(), registry, {"wis", "smo"});
+  const auto plan =
+      make_plan(StudyOptions(), registry, {.whole = {"wis", "smo"}, .drawn = {}, .dimensions = {}});
   const auto order = visiting_order(plan, 1, 0);
   EXPECT_EQ(order, visiting_order(plan, 1, 0));
   std::vector<std::size_t> sorted = order;
@@ -944,10 +970,11 @@ TEST(Plan, SizesLimitsAndExperiments) {
   const SolverRegistry registry = testing::study_registry({"honest", "liar"});
   StudyOptions options;
   EXPECT_EQ(make_plan(options, registry, {}).size(), 8U * 2 + 2);
-  EXPECT_EQ(make_plan(options, registry, {"wis", "smo"}).size(), 8U * 2 + 3 * 2);
+  const StudyFamilies two{.whole = {"wis", "smo"}, .drawn = {}, .dimensions = {}};
+  EXPECT_EQ(make_plan(options, registry, two).size(), 8U * 2 + 3 * 2);
   options.families = false;
   options.max_candidates = 200;
-  const auto plan = make_plan(options, registry, {"wis"});
+  const auto plan = make_plan(options, registry, two);
   ASSERT_EQ(plan.size(), 6U);
   EXPECT_EQ(plan[0].candidates, 50U);
   EXPECT_EQ(plan[1].candidates, 50U);  // all solvers at one Q before the next
