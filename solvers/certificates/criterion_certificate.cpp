@@ -8,11 +8,13 @@
 #include <limits>
 #include <span>
 #include <type_traits>
+#include <vector>
 
 #include "problems/base/packed_matrix.hpp"
 #include "solvers/certificates/dual_bound.hpp"
 #include "solvers/column_generation/criterion_column_generation.hpp"
 #include "solvers/conditioning/quadruple.hpp"
+#include "solvers/core/candidate_region.hpp"
 #include "solvers/core/tracer.hpp"
 
 namespace graybox {
@@ -233,31 +235,98 @@ void price_smallest_eigenvalue(const InformationSet& set, const Design& design,
   if (found.size() == 0 || !(price(found) < simple_gap)) price(inverse.vector);
 }
 
-// Weights of the region's points that prove something: those of the design, else those of the best
-// design, found from the support of this one. Neither needs trust. Empty where there are none.
-std::vector<double> point_weights(const InformationSet& set, const Design& design,
-                                  const Criterion& criterion) {
-  const auto usable = [&](std::vector<double>& mu) {
-    double sum = 0.0;
-    for (double& each : mu) sum += each = std::isfinite(each) ? std::max(each, 0.0) : 0.0;
-    if (mu.size() != criterion.region().count() || !(sum > 0.0) || !std::isfinite(sum)) {
-      return false;
+// What proves G and E beside other criteria, or alone.
+struct SharpDuals {
+  std::vector<double> points;  // mu of all G, one after another
+  Matrix factor;               // Z of E
+};
+
+// How many points the regions of a criterion's G have.
+std::vector<std::size_t> point_counts(std::span<const CriterionPart> parts) {
+  std::vector<std::size_t> counts;
+  for (const CriterionPart& part : parts) {
+    if (part.criterion.kind() == CriterionKind::kG) {
+      counts.push_back(part.criterion.region().count());
     }
-    for (double& each : mu) each /= sum;
-    return true;
+  }
+  return counts;
+}
+
+bool has_eigenvalue(std::span<const CriterionPart> parts) {
+  return std::ranges::any_of(
+      parts, [](const CriterionPart& part) { return part.criterion.kind() == CriterionKind::kE; });
+}
+
+// Makes each region's weights a distribution. False where they are none.
+bool normalise(std::span<const std::size_t> counts, std::vector<double>& mu) {
+  std::size_t first = 0, all = 0;
+  for (const std::size_t count : counts) all += count;
+  if (mu.size() != all) return false;
+  for (const std::size_t count : counts) {
+    const std::span<double> own = std::span(mu).subspan(first, count);
+    double sum = 0.0;
+    for (double& each : own) sum += each = std::isfinite(each) ? std::max(each, 0.0) : 0.0;
+    if (!(sum > 0.0) || !std::isfinite(sum)) return false;
+    for (double& each : own) each /= sum;
+    first += count;
+  }
+  return true;
+}
+
+// Those of the design, else those of the best design, found from the support of this one. Neither
+// needs trust: wrong ones loosen the bound.
+SharpDuals sharp_duals(const InformationSet& set, const Design& design, const Criterion& criterion,
+                       std::span<const CriterionPart> parts, double& repair) {
+  const std::vector<std::size_t> counts = point_counts(parts);
+  const bool needs_matrix = has_eigenvalue(parts);
+  SharpDuals duals;
+  if (counts.empty() && !needs_matrix) return duals;
+  const auto take = [&](const Design& from, double& own_repair) {
+    duals.points = from.dual_weights;
+    if (needs_matrix) duals.factor = repaired_factor(set, from.dual_matrix, own_repair);
+    return normalise(counts, duals.points) && (!needs_matrix || duals.factor.size() > 0);
   };
-  std::vector<double> mu = design.dual_weights;
-  if (usable(mu)) return mu;
+  if (take(design, repair)) return duals;
   const SolveOptions options{.duality_gap = kGoodGap, .criterion = criterion};
   Tracer tracer(set, options, nullptr);
   Design start{design.weights};
   for (double& weight : start.weights) weight = std::max(weight, 0.0);
-  mu = solve_criterion(set, options, start, tracer).design.dual_weights;
-  if (!usable(mu)) {
-    const std::size_t count = criterion.region().count();
-    mu.assign(count, 1.0 / static_cast<double>(count));
+  double unused = 0.0;
+  if (take(solve_criterion(set, options, start, tracer).design, unused)) return duals;
+  duals.points.clear();
+  for (const std::size_t count : counts) {
+    duals.points.insert(duals.points.end(), count, 1.0 / static_cast<double>(count));
   }
-  return mu;
+  const auto d = static_cast<Eigen::Index>(set.dimension());
+  duals.factor = Matrix::Identity(d, d);
+  return duals;
+}
+
+// The bound of one part. `first`: of its points among all, moved behind them.
+template <class Real>
+DualBound<Real> bound_of(const InformationSet& set, const Design& design,
+                         const Criterion& criterion, const InformationIn<Real>& information,
+                         const SharpDuals& duals, std::size_t& first) {
+  const std::size_t d = set.dimension();
+  // Nuisance parameters come first where there are some.
+  const std::vector<std::size_t> order = elimination_order(set, criterion);
+  if (!order.empty()) {
+    return dual_bound(criterion, d,
+                      InformationIn<Real>(set, CheckedWeights(set, design).weights, order));
+  }
+  std::vector<double> mu;
+  if (criterion.kind() == CriterionKind::kG) {
+    const auto own = std::span(duals.points).subspan(first, criterion.region().count());
+    mu.assign(own.begin(), own.end());
+    first += own.size();
+  }
+  DualBound<Real> bound = dual_bound(criterion, d, information, mu);
+  if (criterion.kind() == CriterionKind::kE) {
+    bound.z = duals.factor.template cast<Real>();
+    bound.scale *= bound.z.squaredNorm();
+    bound.error += static_cast<Real>(2 * d * d + 8) * (std::numeric_limits<Real>::epsilon() / 2);
+  }
+  return bound;
 }
 
 // The bounds of all parts, joined to one matrix Z (dual_bound.hpp).
@@ -267,21 +336,14 @@ void price_dual_bounds(const InformationSet& set, const Design& design, const Cr
                        SensitivityBounds& bounds, Certificate& certificate) {
   using std::exp;
   using std::sqrt;
-  const std::size_t d = set.dimension();
   std::vector<CriterionPart> parts(criterion.parts().begin(), criterion.parts().end());
   if (parts.empty()) parts.push_back({1.0, criterion});
-  std::vector<double> mu;
-  if (criterion.kind() == CriterionKind::kG) mu = point_weights(set, design, criterion);
-  MatrixOf<Real> z(static_cast<Eigen::Index>(d), 0);
+  const SharpDuals duals = sharp_duals(set, design, criterion, parts, certificate.dual_repair);
+  MatrixOf<Real> z(static_cast<Eigen::Index>(set.dimension()), 0);
   Real error = 0, log_phi = 0;
+  std::size_t first = 0;
   for (const CriterionPart& part : parts) {
-    // Nuisance parameters come first where there are some.
-    const std::vector<std::size_t> order = elimination_order(set, part.criterion);
-    const DualBound<Real> bound =
-        order.empty()
-            ? dual_bound(part.criterion, d, information, mu)
-            : dual_bound(part.criterion, d,
-                         InformationIn<Real>(set, CheckedWeights(set, design).weights, order), mu);
+    const DualBound<Real> bound = bound_of(set, design, part.criterion, information, duals, first);
     const Eigen::Index before = z.cols();
     z.conservativeResize(Eigen::NoChange, before + bound.z.cols());
     z.rightCols(bound.z.cols()) = sqrt(Real(Real(part.share) / bound.scale)) * bound.z;
@@ -320,7 +382,8 @@ void price_criterion(const InformationSet& set, const Design& design, const Crit
     }
   }
   if (!criterion.has_factor()) {
-    return price_dual_bounds(set, design, criterion, information, candidates, bounds, certificate);
+    return price_dual_bounds(set, design, over_candidates(criterion, set), information, candidates,
+                             bounds, certificate);
   }
   if (criterion.kind() == CriterionKind::kDs) {
     return price_interest(set, criterion, information, candidates, bounds, certificate);

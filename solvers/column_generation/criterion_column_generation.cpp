@@ -15,6 +15,7 @@
 #include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
+#include "solvers/core/candidate_region.hpp"
 #include "solvers/restricted_problem/restricted_problem.hpp"
 
 namespace graybox {
@@ -151,8 +152,10 @@ Solution CriterionRun::run(const Design& start) {
 Solution solve_criterion(const InformationSet& set, const SolveOptions& options,
                          const Design& start, Tracer& tracer) {
   constexpr double kToleratedError = 0.1;  // of the sensitivities, as a share of the gap
+  SolveOptions resolved = options;
+  resolved.criterion = over_candidates(options.criterion, set);
   const auto run_on = [&](const ConditionedSet& conditioned) {
-    return CriterionRun(conditioned.set(), options, conditioned.coordinates(), tracer).run(start);
+    return CriterionRun(conditioned.set(), resolved, conditioned.coordinates(), tracer).run(start);
   };
   const ConditionedSet tolerable(set, kToleratedError * options.duality_gap, tracer);
   Solution solution = run_on(tolerable);

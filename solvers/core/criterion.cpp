@@ -148,14 +148,14 @@ Criterion Criterion::g(PredictionRegion region) {
 Criterion Criterion::compound(std::vector<CriterionPart> parts) {
   if (parts.empty()) throw InputError("a compound criterion needs at least one part");
   double largest = 0.0;
+  int with_eigenvalue = 0;
   for (const CriterionPart& part : parts) {
     const CriterionKind kind = part.criterion.kind();
-    if (kind == CriterionKind::kE || kind == CriterionKind::kG ||
-        kind == CriterionKind::kCompound) {
-      throw InputError(fmt::format(
-          "criterion {} can't be part of a compound criterion: it is not smooth; phi_p with a "
-          "large p stands in for E",
-          to_string(kind)));
+    if (kind == CriterionKind::kCompound) {
+      throw InputError("a compound criterion can't be part of another: give all parts at once");
+    }
+    if (kind == CriterionKind::kE && ++with_eigenvalue > 1) {
+      throw InputError("compound criterion: E stands there twice; add up its shares");
     }
     if (!(part.share > 0.0) || !std::isfinite(part.share)) {
       throw InputError(fmt::format("compound criterion: the share of {} is {}; it must be positive",

@@ -12,6 +12,7 @@
 #include "solvers/certificates/dual_bound.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/conditioning/extended_information.hpp"
+#include "solvers/core/candidate_region.hpp"
 
 namespace graybox {
 namespace {
@@ -19,12 +20,19 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
 
-void require_smooth(const Criterion& criterion) {
-  if (criterion.has_factor() || criterion.kind() == CriterionKind::kPhiP) return;
+void require_single(const Criterion& criterion) {
+  if (criterion.kind() != CriterionKind::kCompound) return;
   throw InputError(
-      fmt::format("criterion {} can't be combined with floors: use D, A, L, Ds, c, I "
-                  "or phi_p",
-                  to_string(criterion.kind())));
+      "a compound criterion can't be combined with floors: give one criterion, and a floor for "
+      "each of the others");
+}
+
+// G over the candidates has the least largest variance d (Kiefer and Wolfowitz 1960); the points
+// that stand for them are within rounding of them.
+BestLogPhi best_over_candidates(const InformationSet& set) {
+  const double best = -std::log(static_cast<double>(set.dimension()));
+  constexpr double kRounding = 1e-13;
+  return {best - kRounding, best + kRounding};
 }
 
 // Gap and rounding bound of (1) from those of the compound criterion and the slack of the floors.
@@ -46,13 +54,19 @@ LogPhi log_phi_of(const InformationSet& set, const Design& design, const Criteri
   if (!checked.message.empty()) return {-kInfinity, 0.0};
   const ExtendedInformation information(set, checked.weights, elimination_order(set, criterion));
   if (!information.regular()) return {-kInfinity, 0.0};
-  const DualBound<Extended> bound = dual_bound(criterion, set.dimension(), information);
+  const Criterion resolved = over_candidates(criterion, set);
+  // The largest variance does not depend on the weights of the points.
+  std::vector<double> points(resolved.region().count(), 1.0);
+  const DualBound<Extended> bound = dual_bound(resolved, set.dimension(), information, points);
   const auto value = static_cast<double>(bound.log_phi);
   return {value, kUp * static_cast<double>(-std::log1p(-std::min<Extended>(bound.error, 0.5L))) +
                      1e-15 * std::abs(value)};
 }
 
 BestLogPhi best_log_phi(const InformationSet& set, const Criterion& criterion) {
+  if (criterion.kind() == CriterionKind::kG && criterion.is_solved_as_d()) {
+    return best_over_candidates(set);
+  }
   const Solution best =
       ColumnGeneration().solve(set, {.duality_gap = kFinestGap, .criterion = criterion});
   const Certificate proof = certify(set, best.design, criterion);
@@ -72,10 +86,14 @@ Criterion compound_of(const Criterion& objective, std::span<const EfficiencyFloo
 
 void require_fits(const Criterion& objective, std::span<const EfficiencyFloor> floors,
                   const InformationSet& set) {
-  require_smooth(objective);
+  require_single(objective);
   objective.require_fits(set);
+  int with_eigenvalue = objective.kind() == CriterionKind::kE ? 1 : 0;
   for (const EfficiencyFloor& floor : floors) {
-    require_smooth(floor.criterion);
+    require_single(floor.criterion);
+    if (floor.criterion.kind() == CriterionKind::kE && ++with_eigenvalue > 1) {
+      throw InputError("floor E: E is the objective, or has a floor, already; leave one out");
+    }
     floor.criterion.require_fits(set);
     if (!(floor.share > 0.0 && floor.share < 1.0)) {
       throw InputError(fmt::format("floor {}={}: the efficiency must lie between 0 and 1",

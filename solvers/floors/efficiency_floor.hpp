@@ -17,7 +17,7 @@
 //
 // Phi_k* is not known, but the checker solves criterion k itself and has Phi_k* between two bounds.
 // The lower one stands in b_k. The upper one is what M is held to, so that the floors hold for
-// certain. Multipliers that are wrong can only loosen the bound.
+// certain. Wrong multipliers only loosen the bound. G without a region is over the candidates.
 #pragma once
 
 #include <span>
@@ -56,8 +56,8 @@ struct BestLogPhi {
 [[nodiscard]] Criterion compound_of(const Criterion& objective,
                                     std::span<const EfficiencyFloor> floors);
 
-// Throws InputError for a share that is not between 0 and 1, for a criterion that is not smooth (E,
-// G, compound) and for one that does not fit the set.
+// Throws InputError for a share that is not between 0 and 1, for a criterion that is compound or
+// does not fit the set, and for E twice.
 void require_fits(const Criterion& objective, std::span<const EfficiencyFloor> floors,
                   const InformationSet& set);
 

@@ -10,13 +10,15 @@
 
 #include "problems/base/error.hpp"
 #include "solvers/column_generation/column_generation.hpp"
+#include "solvers/core/candidate_region.hpp"
 #include "solvers/core/tracer.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr double kFinestCompound = 1e-11;
-constexpr double kMargin = 1e-12;  // of e_k: what two sums of the same numbers may differ by
+constexpr double kFinestSharp = 1e-9;  // with E or G, which a barrier smooths
+constexpr double kMargin = 1e-12;      // of e_k: what two sums of the same numbers may differ by
 constexpr int kMostRounds = 40;
 constexpr int kMostTrials = 80;
 
@@ -57,7 +59,8 @@ class FloorSearch {
     for (const EfficiencyFloor& floor : floors_) all += floor.multiplier;
     SolveOptions options = options_;
     options.criterion = compound_of(options_.criterion, floors_);
-    options.duality_gap = std::max(1e-4 * options_.duality_gap / all, kFinestCompound);
+    options.duality_gap = is_smooth() ? std::max(1e-4 * options_.duality_gap / all, kFinestCompound)
+                                      : std::max(0.05 * options_.duality_gap / all, kFinestSharp);
     options.time_limit = options_.time_limit - tracer_.seconds();
     if (!(options.time_limit > 0.0) || tracer_.out_of_time()) return stop();
     Solution solution = ColumnGeneration().solve(set_, options);
@@ -70,6 +73,17 @@ class FloorSearch {
     }
     design_ = std::move(solution.design);
     return true;
+  }
+
+  // Whether no part of the compound has kinks.
+  [[nodiscard]] bool is_smooth() const {
+    const auto has_kinks = [](const Criterion& each) {
+      return each.kind() == CriterionKind::kE || each.kind() == CriterionKind::kG;
+    };
+    return !has_kinks(options_.criterion) &&
+           std::ranges::none_of(floors_, [&](const EfficiencyFloor& floor) {
+             return floor.multiplier > 0.0 && has_kinks(floor.criterion);
+           });
   }
 
   bool stop() {
@@ -173,12 +187,16 @@ class FloorSearch {
   void require_no_contradiction() const {
     if (floors_.size() < 2) return;
     std::vector<CriterionPart> parts;
+    std::string names;
     for (const EfficiencyFloor& floor : floors_) {
-      if (floor.multiplier > 0.0) parts.push_back({floor.multiplier, floor.criterion});
+      if (!(floor.multiplier > 0.0)) continue;
+      parts.push_back({floor.multiplier, floor.criterion});
+      names += fmt::format("{}{}={:.6g}", names.empty() ? "" : ", ",
+                           to_string(floor.criterion.kind()), floor.share);
     }
     if (parts.size() < 2) return;
     const Criterion floors_alone = Criterion::compound(std::move(parts));
-    const Certificate proof = certify(set_, design_, floors_alone);
+    const Certificate proof = certify(set_, of_floors_alone(), floors_alone);
     if (proof.status != CertificateStatus::kCertified) return;
     double reach = 0.0, all = 0.0;
     for (std::size_t k = 0; k < floors_.size(); ++k) {
@@ -188,7 +206,20 @@ class FloorSearch {
       all += floors_[k].multiplier;
     }
     if (reach / all + std::log1p(largest_gap(proof)) >= -1e-12) return;
-    throw InputError("the floors contradict each other: no design reaches all of them; lower one");
+    throw InputError(fmt::format(
+        "the floors {} contradict each other: no design reaches all of them; lower one", names));
+  }
+
+  // The present design without what proves it under the objective, which comes first.
+  [[nodiscard]] Design of_floors_alone() const {
+    Design design = design_;
+    if (options_.criterion.kind() != CriterionKind::kG) return design;
+    const std::size_t points = over_candidates(options_.criterion, set_).region().count();
+    if (points <= design.dual_weights.size()) {
+      design.dual_weights.erase(design.dual_weights.begin(),
+                                design.dual_weights.begin() + static_cast<std::ptrdiff_t>(points));
+    }
+    return design;
   }
 
   Solution finish() {

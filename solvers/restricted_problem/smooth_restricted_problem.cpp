@@ -16,6 +16,9 @@ using Eigen::Index;
 constexpr double kRoundingSlope = 1e-12;  // below it psi no longer shows whether a step descends
 constexpr double kSharpRoundingSlope = 1e-15;  // G, whose curvature is as large as its sharpness
 
+// A norm of the variances reaches finer gaps, and a barrier bears more points.
+constexpr std::size_t kManyPoints = 500;
+
 }  // namespace
 
 SmoothRestrictedProblem::SmoothRestrictedProblem(const Criterion& criterion, std::size_t dimension,
@@ -30,14 +33,21 @@ SmoothRestrictedProblem::SmoothRestrictedProblem(const Criterion& criterion, std
       unpacked_(static_cast<Index>(dimension), static_cast<Index>(dimension)),
       ridge_dual_(packed_size_),
       root_weight_(packed_size_) {
+  const auto d = static_cast<Index>(dimension);
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::MatrixXd r =
+      coordinates.empty() ? Eigen::MatrixXd(Eigen::MatrixXd::Identity(d, d))
+                          : Eigen::MatrixXd(Eigen::Map<const RowMajor>(coordinates.data(), d, d));
+  const auto add = [&](double share, const Criterion& each) {
+    parts_.push_back({share, each.kind(), CriterionFrame(each, dimension, coordinates), r});
+  };
   if (criterion.kind() == CriterionKind::kCompound) {
-    for (const CriterionPart& part : criterion.parts()) {
-      parts_.push_back({part.share, CriterionFrame(part.criterion, dimension, coordinates)});
-    }
+    for (const CriterionPart& part : criterion.parts()) add(part.share, part.criterion);
   } else {
-    parts_.push_back({1.0, CriterionFrame(criterion, dimension, coordinates)});
+    add(1.0, criterion);
   }
-  for (const Part& part : parts_) {
+  for (Part& part : parts_) {
+    if (parts_.size() > 1 || part.frame.point_count() > kManyPoints) part.frame.smooth_by_barrier();
     complete_ = complete_ || part.frame.complete();
     is_smoothed_ = is_smoothed_ || part.frame.is_smoothed();
     largest_power_ = std::max(largest_power_, part.frame.rank_one());
@@ -46,7 +56,26 @@ SmoothRestrictedProblem::SmoothRestrictedProblem(const Criterion& criterion, std
 }
 
 std::vector<double> SmoothRestrictedProblem::dual_weights() const {
-  return is_smoothed_ ? parts_.front().frame.point_weights() : std::vector<double>{};
+  std::vector<double> weights;
+  for (const Part& part : parts_) {
+    if (part.kind != CriterionKind::kG) continue;
+    const std::vector<double> own = part.frame.point_weights();
+    weights.insert(weights.end(), own.begin(), own.end());
+  }
+  return weights;
+}
+
+std::vector<double> SmoothRestrictedProblem::dual_matrix() const {
+  std::vector<double> packed;
+  for (const Part& part : parts_) {
+    if (part.kind != CriterionKind::kE) continue;
+    const Eigen::MatrixXd axes = part.frame.axes() * part.coordinates;
+    const Eigen::MatrixXd own = axes.transpose() * part.frame.shares().asDiagonal() * axes;
+    const Eigen::MatrixXd symmetric = (own + own.transpose()) / (2.0 * own.trace());
+    packed.resize(packed_size_);
+    pack(symmetric.data(), dimension_, packed.data());
+  }
+  return packed;
 }
 
 double SmoothRestrictedProblem::psi(const InverseCholesky& inverse, double weight_sum,
@@ -65,11 +94,13 @@ bool SmoothRestrictedProblem::refresh() {
   sum_information(weights_, matrix_);
   if (!inverse_.factor(matrix_)) return false;
   value_ = psi(inverse_, 1.0, Frames::kMove);
-  smoothing_ = parts_.front().frame.smoothing_factor();
+  smoothing_ = 1.0;
   std::ranges::fill(dual_, 0.0);
   for (const Part& part : parts_) {
+    const double factor = part.frame.smoothing_factor();
+    smoothing_ += part.share * (factor - 1.0);
     for (std::size_t k = 0; k < packed_size_; ++k) {
-      dual_[k] += smoothing_ * part.share * part.frame.trace_dual()[k];
+      dual_[k] += factor * part.share * part.frame.trace_dual()[k];
     }
   }
   std::ranges::copy(inverse_.trace_dual(), ridge_dual_.begin());
@@ -260,13 +291,24 @@ bool SmoothRestrictedProblem::optimise(double tolerance, int step_limit) {
   }
 }
 
-// Follows the optimum while the sharpness of G rises until smoothing takes less than a third of
-// `target`, and while p rises to its value.
+void SmoothRestrictedProblem::set_sharpness(double sharpness) {
+  sharpness_ = sharpness;
+  for (Part& part : parts_) part.frame.set_sharpness(sharpness);
+}
+
+// Follows the optimum while the sharpness of G and E rises until smoothing takes less than a third
+// of `target`, and while p rises to its value.
 void SmoothRestrictedProblem::sharpen(double target) {
   constexpr int kStepLimit = 25;
-  const double most = 2.0 * std::log(1.0 + static_cast<double>(parts_.front().frame.point_count()));
+  double most = 0.0;
+  for (const Part& part : parts_) {
+    const std::size_t points = part.frame.point_count();
+    const bool has_norm = parts_.size() == 1 && points <= kManyPoints;
+    most += has_norm ? 2.0 * std::log(1.0 + static_cast<double>(points))
+                     : 4.0 * static_cast<double>(std::max(points, dimension_));
+  }
   while (is_smoothed_) {
-    parts_.front().frame.set_sharpness(sharpness_);
+    set_sharpness(sharpness_);
     if (!optimise(std::min(0.3 / sharpness_, target), kStepLimit)) break;
     if (smoothing_ - 1.0 <= 0.3 * target || sharpness_ > most / target) break;
     sharpness_ *= 8.0;
@@ -283,6 +325,8 @@ bool SmoothRestrictedProblem::improve(double pool_gap, double tolerance) {
   constexpr int kStepLimit = 40;
   const double target = std::max(0.3 * tolerance, std::min(0.1 * pool_gap, pool_gap * pool_gap));
   ridge_ = complete_ ? 0.0 : 0.5 * target;
+  // New members call for a smoother criterion, in which steps are longer.
+  if (is_smoothed_) sharpness_ = std::min(sharpness_, std::max(1.0, 0.3 / pool_gap));
   sharpen(target);
   const bool progress = optimise(target, kStepLimit);
   const double threshold = 1.0 - std::sqrt(std::max(gap_, 0.0) + pool_gap);

@@ -1,5 +1,5 @@
 // SmoothRestrictedProblem: optimal design under a smooth criterion (A, L, I, c, Ds, phi_p,
-// compound, and G made smooth) on a few dozen candidates by Newton's method.
+// compound, G and E made smooth) on a few dozen candidates by Newton's method.
 //
 // Mathematics. With f of criterion_frame.hpp, for a compound criterion the mean sum_k a_k f_k of
 // several, minimise over lambda >= 0
@@ -18,8 +18,10 @@
 // S_ii keeps it regular under ties and does not move the fixed points.
 //
 // phi_p with p > 1: p doubles from 1, and Newton's method follows the optimum.
-// G. The sharpness of criterion_frame.hpp rises with the precision asked for, so that smoothing
-// takes half of it at most. The gap handed out is that of the largest variance, not of f.
+// G, and E where it stands beside others. The sharpness of criterion_frame.hpp rises with the
+// precision asked for, so that smoothing takes half of it at most. The gap handed out is that of
+// the largest variance and the smallest eigenvalue, not of f. Many points, and E or G beside
+// others, are smoothed by the barrier.
 //
 // Singular optima. Where K has fewer columns than d (c-optimality, a singular W, Ds) the optimal M
 // may be singular, and then neither it nor its neighbours along an arbitrary path have a small gap.
@@ -60,18 +62,22 @@ class SmoothRestrictedProblem final : public RestrictedProblem {
   bool improve(double pool_gap, double tolerance) override;
   [[nodiscard]] bool refresh() override;
   [[nodiscard]] std::span<const double> trace_dual() const override { return dual_; }
-  [[nodiscard]] std::vector<double> dual_weights() const override;
+  [[nodiscard]] std::vector<double> dual_matrix() const override;   // of E in a compound
+  [[nodiscard]] std::vector<double> dual_weights() const override;  // of G, part after part
 
  private:
   // One f_k, its share a_k, and the w_i of all members under it alone.
   struct Part {
     double share;
+    CriterionKind kind;
     CriterionFrame frame;
+    Eigen::MatrixXd coordinates;  // R, of E
     std::vector<double> sensitivity = {};
   };
 
   bool optimise(double tolerance, int step_limit);
   void sharpen(double target);
+  void set_sharpness(double sharpness);
   void price_members();
   void choose_active();
   void form_hessian();
@@ -86,10 +92,10 @@ class SmoothRestrictedProblem final : public RestrictedProblem {
 
   std::vector<Part> parts_;
   bool complete_ = false;     // every optimum is regular
-  bool is_smoothed_ = false;  // G
+  bool is_smoothed_ = false;  // G, and E beside others
   std::vector<double> dual_;  // G of all parts, for the gap of what was smoothed
-  double smoothing_ = 1.0;    // the factor between the two gaps
-  double sharpness_ = 1.0;    // of G's smoothing
+  double smoothing_ = 1.0;    // what that gap is larger than the smooth one by, at most, plus 1
+  double sharpness_ = 1.0;    // of the smoothing
   double power_ = 1.0;        // p of phi_p is no larger so far
   double largest_power_ = 1.0;
   double exponent_ = 0.5;  // of multiplicative steps

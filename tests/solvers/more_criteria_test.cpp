@@ -530,7 +530,9 @@ TEST(MoreCriteria, RefusesWhatIsNoCriterion) {
   EXPECT_THROW(static_cast<void>(PredictionRegion(2, {1.0, 2.0}, {2})), InputError);
   EXPECT_THROW(static_cast<void>(PredictionRegion(2, {1.0, std::nan("")}, {1})), InputError);
   EXPECT_THROW(static_cast<void>(Criterion::compound({})), InputError);
-  EXPECT_THROW(static_cast<void>(Criterion::compound({{1.0, Criterion::e()}})), InputError);
+  EXPECT_THROW(
+      static_cast<void>(Criterion::compound({{1.0, Criterion::e()}, {1.0, Criterion::e()}})),
+      InputError);
   EXPECT_THROW(static_cast<void>(Criterion::compound({{0.0, Criterion::a()}})), InputError);
   const Criterion wide = Criterion::g(region_of(polynomials(2, {0.5})));
   const Design design{std::vector<double>(7, 1.0 / 7)};

@@ -209,7 +209,7 @@ TEST_F(CriterionCommand, WrongInputIsOneLine) {
   expect_refused("solve set.h5 --criterion I --region small.csv", "line 1 has 2 numbers");
   expect_refused("solve set.h5 --criterion G --region missing.h5", "missing.h5");
   expect_refused("solve set.h5 --region set.h5", "--region belongs to --criterion I or G");
-  expect_refused("solve set.h5 --criterion D=1,E=1", "E can't be part");
+  expect_refused("solve set.h5 --criterion E=1,E=1", "E stands there twice");
   expect_refused("solve set.h5 --criterion D=1,A", "'A' is no criterion=share");
   expect_refused("solve set.h5 --criterion D=1,A=-1", "must be positive");
   expect_refused("solve set.h5 --criterion compound", "D=0.5,A=0.5");

@@ -197,8 +197,9 @@ TEST(EfficiencyFloors, RefusesWhatCantBe) {
   refuse({{.share = 1.0, .criterion = Criterion::a()}});
   refuse({{.share = 0.0, .criterion = Criterion::a()}});
   refuse({{.share = std::nan(""), .criterion = Criterion::a()}});
-  refuse({{.share = 0.9, .criterion = Criterion::e()}});
-  refuse({{.share = 0.9, .criterion = Criterion::g()}});
+  refuse(
+      {{.share = 0.9, .criterion = Criterion::e()}, {.share = 0.8, .criterion = Criterion::e()}});
+  refuse({{.share = 0.9, .criterion = Criterion::compound({{1.0, Criterion::a()}})}});
   const auto only = [&](std::size_t k) { return Criterion::ds({k}); };
   refuse({{.share = 0.9, .criterion = only(0)}, {.share = 0.9, .criterion = only(1)}});
 }
