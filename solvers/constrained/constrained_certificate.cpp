@@ -407,11 +407,24 @@ std::string why_no_design(const InformationSet& set, std::span<const double> eff
 
 }  // namespace
 
+void require_provable(const Criterion& criterion) {
+  if (criterion.kind() != CriterionKind::kCompound) return;
+  for (const CriterionPart& part : criterion.parts()) {
+    const CriterionKind kind = part.criterion.kind();
+    if (kind != CriterionKind::kE && kind != CriterionKind::kG) continue;
+    throw InputError(
+        fmt::format("under linear constraints a compound criterion can't hold {}: ask for {} alone, "
+                    "or leave the constraints out",
+                    to_string(kind), to_string(kind)));
+  }
+}
+
 ConstrainedCertificate certify_constrained(const InformationSet& set,
                                            std::span<const double> efforts,
                                            const DesignConstraints& constraints,
                                            const Criterion& criterion, double asked_gap) {
   criterion.require_fits(set);
+  require_provable(criterion);
   require_fits(constraints, set);
   ConstrainedCertificate out{.certificate = nothing_proven()};
   Certificate& certificate = out.certificate;

@@ -48,7 +48,11 @@ struct ConstrainedCertificate {
   double violation = 0.0;  // largest_violation()
 };
 
-// `efforts`: x, Q numbers. Throws InputError as require_fits() of both.
+// Throws InputError for a compound criterion with E or G in it: under linear constraints no bound of
+// theirs is known here.
+void require_provable(const Criterion& criterion);
+
+// `efforts`: x, Q numbers. Throws InputError as require_fits() of both and require_provable().
 [[nodiscard]] ConstrainedCertificate certify_constrained(const InformationSet& set,
                                                          std::span<const double> efforts,
                                                          const DesignConstraints& constraints,

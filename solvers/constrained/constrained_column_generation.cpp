@@ -1,3 +1,4 @@
+#include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_column_generation.hpp"
 
 #include <fmt/format.h>
@@ -425,6 +426,7 @@ ConstrainedSolution solve_constrained(const InformationSet& set,
                                       const DesignConstraints& constraints,
                                       const SolveOptions& options, SolveObserver* observer) {
   options.criterion.require_fits(set);
+  require_provable(options.criterion);
   require_fits(constraints, set);
   SolveOptions with_region = options;
   if (options.criterion.is_solved_as_d() && options.criterion.kind() == CriterionKind::kG) {

@@ -17,7 +17,7 @@
 //       max_i tr(M^-1 H_i), whose minimum d the D-optimal designs reach, and no others do (Kiefer
 //       and Wolfowitz 1960).
 //   compound  sum_k a_k log Phi_k, a_k > 0 of sum one, as large as possible: the weighted mean of
-//       the logarithms of the efficiencies under several of the smooth criteria (all but E and G).
+//       the logarithms of the efficiencies under several criteria, E at most once.
 //
 // D and Ds do not depend on the units of the parameters, nor does G, and I only through those of
 // the predictions. A, E, L and phi_p do: a variance in (N m/rad)^2 outweighs one of a relative
@@ -75,7 +75,7 @@ class Criterion {
   [[nodiscard]] static Criterion g();
   [[nodiscard]] static Criterion g(PredictionRegion region);
   // The shares are divided by their sum. Throws InputError where there are none, a share is not
-  // positive, or a part is E, G or compound itself.
+  // positive, E stands there twice, or a part is compound itself.
   [[nodiscard]] static Criterion compound(std::vector<CriterionPart> parts);
 
   [[nodiscard]] CriterionKind kind() const { return kind_; }
