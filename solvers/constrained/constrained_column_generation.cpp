@@ -12,8 +12,6 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/conditioning/twofold_congruence.hpp"
 #include "solvers/constrained/constrained_working_set.hpp"
@@ -21,6 +19,8 @@
 #include "solvers/constrained/multiplier_bound.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 
 namespace graybox {
 namespace {
