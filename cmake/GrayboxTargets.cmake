@@ -36,6 +36,18 @@ function(graybox_sources)
   endforeach()
 endfunction()
 
+# graybox_of_one_kind(a b.cpp ...): these sources of this folder are in builds with the diagnosis alone,
+# or without it alone. They are compiled in groups of their own, so that all other groups are the same
+# in both and ccache compiles them once.
+function(graybox_of_one_kind)
+  foreach(file IN LISTS ARGN)
+    if(NOT file MATCHES "[.]cpp$")
+      string(APPEND file ".cpp")
+    endif()
+    set_property(GLOBAL APPEND PROPERTY GRAYBOX_OF_ONE_KIND ${CMAKE_CURRENT_SOURCE_DIR}/${file})
+  endforeach()
+endfunction()
+
 # graybox_unity(target): with GRAYBOX_UNITY, compiles the target's sources in groups
 # (scripts/unity_groups), because reading the headers is most of the work. Kernels stay apart: they
 # are the same code for several processors. So does what has options of its own.
@@ -49,16 +61,29 @@ function(graybox_unity target)
   if(count LESS 2)
     return()
   endif()
+  get_property(all_of_one_kind GLOBAL PROPERTY GRAYBOX_OF_ONE_KIND)
+  set(of_one_kind "")
+  foreach(source IN LISTS sources)
+    if("${CMAKE_CURRENT_SOURCE_DIR}/${source}" IN_LIST all_of_one_kind)
+      list(APPEND of_one_kind ${source})
+    endif()
+  endforeach()
+  if(of_one_kind)
+    list(REMOVE_ITEM sources ${of_one_kind})
+  endif()
   set(grouping "${CMAKE_SOURCE_DIR}/scripts/unity_groups")
   execute_process(
-    COMMAND ${Python3_EXECUTABLE} ${grouping} ${GRAYBOX_UNITY_SIZE} ${sources}
+    COMMAND ${Python3_EXECUTABLE} ${grouping} ${GRAYBOX_UNITY_SIZE} ${sources} -- ${of_one_kind}
     WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR} OUTPUT_VARIABLE groups COMMAND_ERROR_IS_FATAL ANY)
   string(REGEX MATCHALL "[^\n]+" groups "${groups}")
   foreach(line IN LISTS groups)
     string(REPLACE ":" ";" line "${line}")
     list(GET line 0 group)
     list(GET line 1 source)
-    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
+    get_source_file_property(is_grouped ${source} UNITY_GROUP)
+    if(NOT is_grouped)  # else by another target of this folder, and this one takes its groups
+      set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${target}_${group})
+    endif()
   endforeach()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
   # A class may hold what is private to its source file; in a group gcc can't see that.

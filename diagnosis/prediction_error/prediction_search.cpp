@@ -426,8 +426,8 @@ bool PredictionSearch::add_law(State& state) {
   return true;
 }
 
-// What decays acts in few blocks, and z is small however much is taken. Plain laws need not be surer
-// than one that few machines have.
+// What decays acts in few blocks, and z is small however much is taken. Plain laws need not be
+// surer than one that few machines have.
 bool PredictionSearch::is_group_better(const State& state, const PredictionFit& best_single,
                                        const PredictionFit& group) const {
   constexpr double kNoWorse = -1.0;  // z

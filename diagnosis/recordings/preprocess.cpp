@@ -42,8 +42,7 @@ struct Section {
   }
 };
 
-// One after another, sample by sample, from `begin` in steps of `direction`: while one section waits
-// for its own past, the others work.
+// One section after another, sample by sample: while one waits for its own past, the others work.
 template <std::size_t sections>
 void run_through(const Section* section, Eigen::VectorXd& x, bool backward) {
   const Index last = x.size() - 1;

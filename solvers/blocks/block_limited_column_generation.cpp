@@ -13,10 +13,10 @@
 #include "solvers/blocks/block_limited_certificate.hpp"
 #include "solvers/blocks/block_limited_working_set.hpp"
 #include "solvers/column_generation/best_design.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 
 namespace graybox {
 namespace {

@@ -12,10 +12,10 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "solvers/certificates/dual_bound.hpp"
-#include "solvers/column_generation/criterion_column_generation.hpp"
 #include "solvers/conditioning/quadruple.hpp"
 #include "solvers/core/candidate_region.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/criterion_column_generation.hpp"
 
 namespace graybox {
 namespace {

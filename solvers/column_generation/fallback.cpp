@@ -11,12 +11,12 @@
 
 #include "problems/base/available_memory.hpp"
 #include "problems/base/stop.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/sensitivity_error.hpp"
 #include "solvers/exchange/vertex_exchange.hpp"
 #include "solvers/interior_point/dual_interior_point.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 
 namespace graybox {
 namespace {
@@ -103,8 +103,10 @@ bool has_or_makes_matrices(const InformationSet& set) {
 
 MethodOutcome finish_with_another(const InformationSet& set, const SolveOptions& options,
                                   std::string_view name, MethodOutcome stopped, Tracer& tracer) {
-  // Where the gap is reached, but for rounding, no other method in double precision knows better.
+  // Where the gap is reached, but for rounding, no other method in double precision knows better,
+  // nor where rounding hides more than the gap asked for and what is left of it.
   if (stopped.gap <= options.duality_gap) return stopped;
+  if (stopped.gap_error >= std::max(stopped.gap, options.duality_gap)) return stopped;
   const std::string stop = std::isfinite(stopped.gap)
                                ? fmt::format("{} stopped at gap {:.1e}", name, stopped.gap)
                                : fmt::format("{} found no start", name);
@@ -134,6 +136,9 @@ MethodOutcome finish_with_another(const InformationSet& set, const SolveOptions&
   if (!stopped.design.weights.empty()) {
     stopped.status =
         tracer.out_of_time() ? SolveStatus::kTimeLimit : SolveStatus::kNumericalFailure;
+    if (stopped.gap <= stopped.gap_error) {
+      stopped.message += fmt::format("; rounding hides up to {:.1e} of it", stopped.gap_error);
+    }
   }
   return stopped;
 }

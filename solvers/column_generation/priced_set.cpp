@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "solvers/column_generation/candidate_pricer.hpp"
+#include "solvers/pricing/candidate_pricer.hpp"
 
 namespace graybox {
 namespace {

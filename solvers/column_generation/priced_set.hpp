@@ -14,9 +14,9 @@
 
 #include "problems/base/random.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/lazy_bound.hpp"
 #include "solvers/column_generation/staged_order.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 
 namespace graybox {

@@ -33,8 +33,8 @@
 
 #include "problems/base/random.hpp"
 #include "problems/information/information_set.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 
 namespace graybox {

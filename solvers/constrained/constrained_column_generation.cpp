@@ -1,4 +1,3 @@
-#include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_column_generation.hpp"
 
 #include <fmt/format.h>
@@ -13,15 +12,16 @@
 
 #include "problems/base/error.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/conditioning/twofold_congruence.hpp"
+#include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_working_set.hpp"
 #include "solvers/constrained/linear_programme.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 
 namespace graybox {
 namespace {

@@ -14,14 +14,14 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
-#include "solvers/column_generation/candidate_pricer.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/column_generation/well_conditioned_start.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/conditioning/extended_information.hpp"
 #include "solvers/core/tracer.hpp"
 #include "solvers/distributed/mpi_transfer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/candidate_pricer.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 #include "solvers/report/solve_report.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 

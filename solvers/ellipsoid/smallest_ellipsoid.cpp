@@ -15,10 +15,10 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/base/stop.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/screening.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/ellipsoid/spanning_points.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 #include "solvers/restricted_problem/working_set.hpp"
 
 namespace graybox {

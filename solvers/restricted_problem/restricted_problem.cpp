@@ -33,6 +33,12 @@ void RestrictedProblem::normalise() {
   for (double& weight : weights_) weight /= sum;
 }
 
+std::vector<double> RestrictedProblem::information() const {
+  std::vector<double> packed(packed_size_);
+  sum_information(weights_, packed);
+  return packed;
+}
+
 void RestrictedProblem::sum_information(std::span<const double> weights,
                                         std::span<double> packed) const {
   std::ranges::fill(packed, 0.0);

@@ -44,6 +44,8 @@ class RestrictedProblem {
   // Criterion G over a region: a weight for each point, of sum one; else empty.
   [[nodiscard]] virtual std::vector<double> dual_weights() const { return {}; }
 
+  // M, packed, of the present weights.
+  [[nodiscard]] std::vector<double> information() const;
   [[nodiscard]] std::size_t size() const { return indices_.size(); }
   [[nodiscard]] std::span<const std::size_t> indices() const { return indices_; }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }

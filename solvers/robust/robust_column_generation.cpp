@@ -12,9 +12,9 @@
 #include "problems/base/random.hpp"
 #include "problems/kernels/kernels.hpp"
 #include "solvers/column_generation/best_design.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/core/tracer.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 #include "solvers/robust/robust_working_set.hpp"
 
 namespace graybox {

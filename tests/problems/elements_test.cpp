@@ -436,7 +436,7 @@ TEST_F(ElementFiles, PayloadAndInertiaAreBuiltIntoTheRobot) {
 // said to set the scale of others: a fit that moves both finds no end.
 TEST(LawCatalogue, OnlyDeclaredParametersSetTheScaleOfOthers) {
   for (const LawEntry& entry : all_laws()) {
-    if (!entry.make) continue;
+    if (!entry.make || !entry.definition.empty()) continue;  // other tests add laws of their own
     std::vector<double> values;
     for (std::size_t p = 0; p < entry.parameters.size(); ++p) {
       values.push_back(1.0 - 0.13 * static_cast<double>(p));

@@ -11,11 +11,11 @@
 
 #include "problems/kernels/factor_kernels.hpp"
 #include "solvers/certificates/certificate.hpp"
-#include "solvers/column_generation/candidate_pricer.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/column_generation/screening.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/core/sensitivity.hpp"
+#include "solvers/pricing/candidate_pricer.hpp"
 #include "solvers/registry.hpp"
 #include "tests/support/design_sets.hpp"
 #include "tests/support/factor_sets.hpp"

@@ -10,12 +10,12 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/families/families.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/column_generation/well_conditioned_start.hpp"
 #include "solvers/conditioning/twofold_congruence.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/sensitivity_error.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 #include "tests/support/true_gap.hpp"
 
 namespace graybox {

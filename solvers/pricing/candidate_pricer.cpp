@@ -1,4 +1,4 @@
-#include "solvers/column_generation/candidate_pricer.hpp"
+#include "solvers/pricing/candidate_pricer.hpp"
 
 #include <numeric>
 

@@ -1,4 +1,4 @@
-#include "solvers/column_generation/sensitivity_sample.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 
 #include <algorithm>
 #include <cstddef>

@@ -7,7 +7,18 @@
 //
 // No candidates are removed for good: the rules of screening.hpp hold for D alone, and the short
 // list is a guess that the next pass over all candidates corrects. It stops on a pass over ALL
-// candidates whose gap is at most the one asked for.
+// candidates whose gap, with what rounding may hide of it, is at most the one asked for.
+//
+// Rounding acts like a change of M between the factors 1 -+ e, e of sensitivity_error.hpp for the
+// factor of M that is held. The gap is max_i w_i - 1, w_i = tr(G H_i), G with tr(G M) = 1. To first
+// order w_i moves by at most
+//
+//   e w_i + c e tr(M^-1 H_i),   c = 1 + 2,   phi_p: c = 1 + max(2, p + 1)
+//
+// since the second derivative of the criterion in the axes of criterion_frame.hpp has
+// Omega_ab <= 2, or p + 1, and since tr(G H_i) of G <= M^-1 is summed with an error of
+// e tr(M^-1 H_i). Where M is nearly singular, as optima of c and Ds are, that is much. Then the run
+// ends as numerical_failure, and column_generation asks the checker, which has more digits.
 //
 // Where rounding of the sensitivities could reach a tenth of the gap asked for, or keeps the gap
 // above it, the set is whitened first (conditioned_set.hpp), and K or lambda_min transformed with

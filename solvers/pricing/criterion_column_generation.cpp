@@ -1,4 +1,4 @@
-#include "solvers/column_generation/criterion_column_generation.hpp"
+#include "solvers/pricing/criterion_column_generation.hpp"
 
 #include <fmt/format.h>
 
@@ -12,14 +12,30 @@
 #include <vector>
 
 #include "problems/base/random.hpp"
-#include "solvers/column_generation/candidate_pool.hpp"
-#include "solvers/column_generation/sensitivity_sample.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/core/candidate_region.hpp"
+#include "solvers/core/inverse_cholesky.hpp"
+#include "solvers/core/sensitivity_error.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
+#include "solvers/pricing/sensitivity_sample.hpp"
 #include "solvers/restricted_problem/restricted_problem.hpp"
 
 namespace graybox {
 namespace {
+
+// c of the header: how much more than M the matrix G of a criterion moves.
+double magnification(const Criterion& criterion) {
+  constexpr double kPricing = 1.0;  // tr(G H_i) itself, for G <= M^-1
+  if (criterion.kind() == CriterionKind::kCompound) {
+    double largest = 0.0;
+    for (const CriterionPart& part : criterion.parts()) {
+      largest = std::max(largest, magnification(part.criterion));
+    }
+    return largest;
+  }
+  const bool is_power = criterion.kind() == CriterionKind::kPhiP;
+  return kPricing + (is_power ? std::max(2.0, criterion.p() + 1.0) : 2.0);
+}
 
 class CriterionRun {
  public:
@@ -35,6 +51,7 @@ class CriterionRun {
 
  private:
   double price(CandidatePool& pool);
+  double gap_error(const CandidatePool& all, double gap);
   std::size_t add_violators(const CandidatePool& pool);
   bool improve(double gap, double tolerance);
   void solve_pool(CandidatePool& pool, double tolerance);
@@ -60,6 +77,26 @@ double CriterionRun::price(CandidatePool& pool) {
   price_pool(set_, problem_->trace_dual(), options_.threads, pool);
   tracer_.count_candidates(pool.count);
   return pool.largest() - 1.0;
+}
+
+// How far rounding can have lowered the gap over the whole set. One pass.
+double CriterionRun::gap_error(const CandidatePool& all, double gap) {
+  const std::size_t d = set_.dimension();
+  const std::vector<double> information = problem_->information();
+  InverseCholesky inverse(d);
+  if (!inverse.factor(information)) return std::numeric_limits<double>::infinity();
+  const double error = sensitivity_error(information, inverse.trace_dual(), d, problem_->size());
+  CandidatePool traces;  // tr(M^-1 H_i)
+  traces.count = all.count;
+  traces.sensitivity = AlignedArray(all.count);
+  price_pool(set_, inverse.trace_dual(), options_.threads, traces);
+  tracer_.count_candidates(traces.count);
+  const double share = magnification(options_.criterion) * error;
+  double highest = 0.0;
+  for (std::size_t i = 0; i < all.count; ++i) {
+    highest = std::max(highest, all.sensitivity[i] + share * traces.sensitivity[i]);
+  }
+  return highest - (1.0 + gap) + error * (1.0 + gap);
 }
 
 std::size_t CriterionRun::add_violators(const CandidatePool& pool) {
@@ -133,7 +170,14 @@ Solution CriterionRun::run(const Design& start) {
     tracer_.record(gap, rounds_);
     passes_without_progress = gap < 0.9 * best_gap_ ? 0 : passes_without_progress + 1;
     keep_if_better(gap);
-    if (gap <= options_.duality_gap) return finish(SolveStatus::kSolved);
+    if (const double asked = options_.duality_gap; gap <= asked) {
+      const double error = gap_error(all, gap);
+      if (gap + error <= asked) return finish(SolveStatus::kSolved);
+      if (!(error < 0.5 * asked)) {
+        return finish(SolveStatus::kNumericalFailure,
+                      fmt::format("rounding hides up to {:.1e} of the gap", error));
+      }
+    }
     if (tracer_.out_of_time()) return finish(SolveStatus::kTimeLimit);
     if (out_of_rounds()) return finish(SolveStatus::kIterationLimit);
     if (passes_without_progress > 8 || stalled_rounds > 1) {

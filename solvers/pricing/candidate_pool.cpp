@@ -1,12 +1,12 @@
-#include "solvers/column_generation/candidate_pool.hpp"
+#include "solvers/pricing/candidate_pool.hpp"
 
 #include <algorithm>
 #include <functional>
 #include <utility>
 
 #include "problems/kernels/kernels.hpp"
-#include "solvers/column_generation/candidate_pricer.hpp"
 #include "solvers/kernels/dense_kernels.hpp"
+#include "solvers/pricing/candidate_pricer.hpp"
 
 namespace graybox {
 namespace {
