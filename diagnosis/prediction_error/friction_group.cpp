@@ -49,6 +49,24 @@ std::vector<std::vector<LawExtension>> resting_springs(const std::vector<LawExte
   return groups;
 }
 
+bool swings_about_rest(const ExtendedLumpedModel& model, const Eigen::MatrixXd& motion) {
+  constexpr int kFewestPasses = 3;
+  if (model.laws.size() < 2) return false;
+  const auto& parts = model.model.parts;
+  const Element& spring = parts[model.laws[model.laws.size() - 2].part];
+  const Element& force = parts[model.laws.back().part];
+  const double stiffness = spring.parameters[0];
+  if (!(stiffness > 0.0)) return false;
+  const Eigen::VectorXd deflection =
+      motion.leftCols(spring.location.input.size()) * spring.location.input;
+  const double rest = -force.parameters[0] / stiffness;
+  int passes = 0;
+  for (Eigen::Index k = 1; k < deflection.size(); ++k) {
+    passes += (deflection(k - 1) < rest) != (deflection(k) < rest) ? 1 : 0;
+  }
+  return passes >= kFewestPasses;
+}
+
 PredictionFit with_group(const PredictionFitter& fitter, const PredictionFit& poorer,
                          const Eigen::VectorXd& weights, const std::vector<LawExtension>& group,
                          int iterations) {

@@ -23,6 +23,12 @@ namespace graybox {
 [[nodiscard]] std::vector<std::vector<LawExtension>> resting_springs(
     const std::vector<LawExtension>& extensions, const LumpedModel& model);
 
+// Whether the model swings about the rest -f/k of its last two laws, k a stiffness and f a constant
+// force: it passes there three times at least. What goes there and stays tells no spring. `motion`:
+// samples x (positions, velocities).
+[[nodiscard]] bool swings_about_rest(const ExtendedLumpedModel& model,
+                                     const Eigen::MatrixXd& motion);
+
 // `poorer` with all of the group, started at none of it. Not usable where it can't be simulated.
 [[nodiscard]] PredictionFit with_group(const PredictionFitter& fitter, const PredictionFit& poorer,
                                        const Eigen::VectorXd& weights,

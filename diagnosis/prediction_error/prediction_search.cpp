@@ -463,6 +463,8 @@ bool PredictionSearch::add_group(State& state, const std::optional<PredictionFit
       if (other.usable && (!fit.usable || other.cost < fit.cost)) fit = std::move(other);
     }
     if (!is_group_better(state, best_single, fit) || fed_in_by(state, fit) > fed_limit) continue;
+    const bool is_spring = group.front().law == "stiffness";
+    if (is_spring && !swings_about_rest(fit.model, fitter(state).motion(fit))) continue;
     if (best.usable && best.cost <= fit.cost) continue;
     best = std::move(fit);
     taken = &group;

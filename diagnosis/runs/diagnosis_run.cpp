@@ -508,8 +508,9 @@ DiagnosisAnswer answer_by(Method& method, DiagnosisRequest& request, const Campa
   std::optional<DiagnosisAnswer> balanced =
       has_answer ? found_for_signals(*method.drive, request, campaign, predicted, was_stopped)
                  : found_by_balance(*method.drive, request, campaign, predicted, was_stopped, left);
-  const bool is_asked = !request.search.ignore_channel_faults && !was_stopped && !balanced;
-  if (is_asked && leaves_all_force(first)) {
+  const bool is_absurd = balanced && excluding(balanced->diagnosis.implausible) > 0;
+  const bool is_asked = is_absurd || (!balanced && leaves_all_force(first));
+  if (is_asked && !request.search.ignore_channel_faults && !was_stopped) {
     if (auto fault = reversed_drive(*method.drive, request, campaign, left, was_stopped)) {
       refuse(predicted, *std::move(fault), request.search);
       return predicted;

@@ -400,8 +400,11 @@ std::vector<std::string> kept_out_change_lines(const Diagnosis& diagnosis,
   }
   return {fmt::format(
       "Kept out, other sizes: the same model, fitted to these recordings by themselves, leaves "
-      "{:.3g} % there instead of {:.3g} %, with {}. Something changed between the recordings, as a "
-      "load, a temperature or a setting; or a law that was found only resembles what is there.",
+      "{:.3g} % there instead of {:.3g} %, with {}. Either what was found only resembles what is "
+      "there "
+      "(as a constant force does dry friction, in motion one way), or something changed between "
+      "the "
+      "two, as a load, a temperature or a setting.",
       change.error_fitted, change.error_predicted, sizes)};
 }
 

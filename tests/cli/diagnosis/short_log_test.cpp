@@ -243,5 +243,104 @@ TEST_F(StickingLog, TheRivalThatHoldsWhereKeptOutIsTaken) {
   expect_size(found, "coulomb", "level", 0.17, 0.05);
 }
 
+// A bar that was bent and let go: m x'' = -k (x - rest) - b x', and nothing drives it.
+class ReleasedLog : public StickingLog {
+ protected:
+  static constexpr double kStiffness = 400.0;
+  void write_release(double rest, const std::string& file, double amplitude, unsigned seed) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    std::ostringstream rows;
+    rows.precision(9);
+    rows << "force,position\n";
+    double x = amplitude, v = 0.0;
+    for (int k = 0; k < 120; ++k) {
+      rows << "0," << rest + x + 2e-4 * normal(random) << '\n';
+      constexpr int kSteps = 100;
+      for (int i = 0; i < kSteps; ++i) {
+        v += 0.03 / kSteps * (-kStiffness * x - 3.0 * v);
+        x += 0.03 / kSteps * v;
+      }
+    }
+    write_text(folder_.file(file), rows.str());
+  }
+};
+
+// Wherever the sensor has its zero, it is one spring, and the zero is told.
+TEST_F(ReleasedLog, ASpringIsFoundWhereverItRests) {
+  write_model(1.0, 0.01, 0.03, "  - {file: one.csv}\n  - {file: two.csv, role: validation}\n");
+  for (const double rest : {0.0, 0.0005, 0.014, -0.2}) {
+    write_release(rest, "one.csv", 0.07, 1);
+    write_release(rest, "two.csv", 0.05, 2);
+    const Json found = diagnosis();
+    expect_size(found, "stiffness", "stiffness", kStiffness, 0.03);
+    for (const Json& effect : found["physics"]) {
+      EXPECT_TRUE(effect["law"] == "stiffness" || effect["law"] == "offset")
+          << rest << effect["law"];
+    }
+    if (std::abs(rest) < 0.001) continue;
+    const std::string words = found["words"].dump();
+    const std::size_t at = words.find("it rests at ");
+    ASSERT_NE(at, std::string::npos) << rest << found["words"].dump(1);
+    EXPECT_NEAR(std::stod(words.substr(at + 12)), rest, 3e-4);
+  }
+}
+
+// Nothing is missing, and what was kept out shows it. Without that nobody knows.
+TEST_F(StickingLog, NothingIsCalledMissingOnlyWhereSomethingTestedIt) {
+  for (const char* const file : {"one.csv", "two.csv"}) {
+    StickingAxis axis{.mass = 1.0, .damping = 2.0};
+    std::mt19937_64 random(static_cast<unsigned char>(file[0]));
+    std::normal_distribution<double> normal;
+    std::ostringstream rows;
+    rows << "force,position\n";
+    for (int k = 0; k < 300; ++k) {
+      const double force = 3.0 * std::sin(0.11 * k) + 2.0 * std::sin(0.037 * k * (1 + file[0] % 3));
+      rows << force << ',' << axis.x + 1e-4 * normal(random) << '\n';
+      axis.advance(force, 0.02);
+    }
+    write_text(folder_.file(file), rows.str());
+  }
+  write_model(0.9, 2.2, 0.02, "  - {file: one.csv}\n  - {file: two.csv, role: validation}\n");
+  EXPECT_EQ(diagnosis()["verdict"], "none");
+  write_model(0.9, 2.2, 0.02, "  - {file: one.csv}\n  - {file: two.csv}\n");
+  const Json untested = diagnosis();
+  EXPECT_EQ(untested["verdict"], "unknown");
+  EXPECT_NE(untested["words"].dump().find("no recordings were kept out to test that"),
+            std::string::npos)
+      << untested["words"].dump(1);
+}
+
+// An arm that swings slowly against a spring and sticks at each end, its torque counted the other
+// way. Counted the right way nothing is said of the sign.
+TEST_F(StickingLog, DryFrictionTellsADriveThatCountsTheOtherWay) {
+  for (const double sign : {1.0, -1.0}) {
+    std::ostringstream rows;
+    rows.precision(9);
+    rows << "force,position\n";
+    StickingAxis axis{.mass = 2.0, .damping = 1.0, .level = 12.0};
+    for (int k = 0; k < 800; ++k) {
+      const double force = 20.0 * std::sin(0.02 * k);
+      rows << sign * force << ',' << 1e-4 * std::round(1e4 * axis.x) << '\n';
+      axis.offset = -40.0 * axis.x;
+      axis.advance(force, 0.03);
+    }
+    write_text(folder_.file("swing.csv"), rows.str());
+    write_model(5.0, 20.0, 0.03,
+                "  - {file: swing.csv, segments: [[0, 399]]}\n"
+                "  - {file: swing.csv, segments: [[400, 799]], role: validation}\n");
+    const Outcome outcome = graybox("diagnose axis.yaml campaign.yaml --json");
+    const Json found = Json::parse(outcome.out);
+    if (sign > 0.0) {
+      EXPECT_TRUE(found["channel_faults"].empty()) << found["channel_faults"].dump(1);
+      expect_size(found, "coulomb", "level", 12.0, 0.1);
+      continue;
+    }
+    EXPECT_EQ(found["verdict"], "unknown");
+    ASSERT_EQ(found["channel_faults"].size(), 1U) << found["words"].dump(1);
+    EXPECT_NE(found["channel_faults"].dump().find("wrong sign"), std::string::npos);
+  }
+}
+
 }  // namespace
 }  // namespace graybox

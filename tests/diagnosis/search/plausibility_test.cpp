@@ -92,6 +92,35 @@ TEST(Plausibility, SaysWhatItsErrorDoesNotTellFromZeroIsNotDetermined) {
   EXPECT_TRUE(has(unseen, PlausibilityRule::kZero, false));
 }
 
+// By fewer errors than exclude it, but no machine has it: such a size is never silent.
+TEST(Plausibility, TellsEachSizeBelowZero) {
+  for (const QuantityKind kind : kOfOneSign) {
+    const auto flaws = implausibilities(with(quantity(kind, -2.0, 1.0)));
+    ASSERT_EQ(flaws.size(), 1U) << words_of(kind);
+    EXPECT_EQ(flaws[0].rule, PlausibilityRule::kZero);
+    EXPECT_FALSE(flaws[0].excludes);
+    EXPECT_NE(flaws[0].words.find("below zero by 2 standard errors"), std::string::npos)
+        << flaws[0].words;
+    EXPECT_TRUE(implausibilities(with(quantity(kind, 2.0, 1.0))).empty());
+  }
+}
+
+// A spring that rests ten amplitudes from the zero of its sensor: the constant force beside it is
+// ten times what the spring ever carries.
+TEST(Plausibility, LetsAConstantForceSayWhereASpringRests) {
+  FittedPhysics physics;
+  const auto about = [](double z, double) { return 10.0 * (z + 10.0); };
+  physics.laws = {swing("stiffness at load", about),
+                  swing("offset at load", [](double, double) { return -100.0; })};
+  physics.quantities = {quantity(QuantityKind::kStiffness, 10.0, 0.1),
+                        quantity(QuantityKind::kForce, -100.0, 1.0)};
+  physics.quantities[0].law = 0;
+  physics.quantities[1].law = 1;
+  EXPECT_TRUE(implausibilities(physics).empty());
+  physics.laws[0].name = "cubic_spring at load";
+  EXPECT_TRUE(has(implausibilities(physics), PlausibilityRule::kPair));
+}
+
 TEST(Plausibility, AllowsAnErrorOfWhatTheModelStates) {
   PhysicalQuantity softer = quantity(QuantityKind::kStiffness, -20.0, 1.0);
   softer.stated = 100.0;
