@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <vector>
 
 namespace graybox {
@@ -40,7 +41,14 @@ struct SlopeOf {
 
 }  // namespace
 
+bool sets_rest(const LawTrace& force, std::span<const LawTrace> laws) {
+  return force.name.starts_with("offset") && std::ranges::any_of(laws, [&](const LawTrace& law) {
+           return law.place == force.place && law.name.starts_with("stiffness");
+         });
+}
+
 bool cancel(const LawTrace& first, const LawTrace& second) {
+  if (sets_rest(first, {&second, 1}) || sets_rest(second, {&first, 1})) return false;
   const bool is_one_place = first.place == second.place;
   const std::vector<double>& a = is_one_place ? first.force : first.acting;
   const std::vector<double>& b = is_one_place ? second.force : second.acting;

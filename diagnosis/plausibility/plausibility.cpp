@@ -218,22 +218,12 @@ class Examination {
     return quantity.law < physics_.laws.size() ? &physics_.laws[quantity.law] : nullptr;
   }
 
-  // A constant force beside a spring says where that rests: it is as large as the sensor's zero is
-  // far away.
-  static bool sets_rest(const LawTrace& force, const LawTrace& spring) {
-    return force.place == spring.place && force.name.starts_with("offset") &&
-           spring.name.starts_with("stiffness");
-  }
-  [[nodiscard]] bool sets_rest(const LawTrace& force) const {
-    return std::ranges::any_of(physics_.laws,
-                               [&](const LawTrace& law) { return sets_rest(force, law); });
-  }
-
   void examine_size(const PhysicalQuantity& quantity) {
     const LawTrace* trace = trace_of(quantity);
     const bool is_force =
         quantity.kind == QuantityKind::kForce || quantity.kind == QuantityKind::kFriction;
-    if (!is_force || trace == nullptr || !(trace->carried > 0.0) || sets_rest(*trace)) return;
+    if (!is_force || trace == nullptr || !(trace->carried > 0.0)) return;
+    if (sets_rest(*trace, physics_.laws)) return;
     const double share = share_reached(quantity, *trace);
     const double size = share * std::abs(quantity.value);
     const double beyond = size - limits_.size * trace->carried;
@@ -353,8 +343,7 @@ class Examination {
       for (std::size_t b = a + 1; b < physics_.laws.size(); ++b) {
         const LawTrace &first = physics_.laws[a], &second = physics_.laws[b];
         const std::string names = first.name + " and " + second.name;
-        const bool is_zero = sets_rest(first, second) || sets_rest(second, first);
-        if (!is_zero && cancel(first, second)) {
+        if (cancel(first, second)) {
           add(PlausibilityRule::kPair, names, 0.0,
               names + " cancel: their sum is much smaller than each");
         } else if (!has_spring && turns_round(first, second)) {

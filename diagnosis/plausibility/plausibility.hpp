@@ -17,9 +17,9 @@
 //               rest, f z' >= 0 at each sample, and in sum for a law with memory. Laws of one place
 //               count together
 //   pair        two laws whose forces cancel: correlation below -0.95 and a sum of less than a
-//               fifth of each. A constant force beside a spring may: it is the sensor's zero. Two springs of a machine that has none, which together pull back in
-//               the middle third of the motion and push away, more than half as steeply, in an
-//               outer sixth
+//               fifth of each; a constant force beside a spring may: it says where that rests. Two
+//               springs of a machine that has none, which together pull back in the middle third of
+//               the motion and push away, more than half as steeply, in an outer sixth
 //   homogeneous a direction that the data do not see in which all parameters change by the same
 //               share
 //   poor input  two parameters that the data see in one combination only, or with errors correlated

@@ -413,9 +413,9 @@ void require_provable(const Criterion& criterion) {
     const CriterionKind kind = part.criterion.kind();
     if (kind != CriterionKind::kE && kind != CriterionKind::kG) continue;
     throw InputError(
-        fmt::format("under linear constraints a compound criterion can't hold {}: ask for {} alone, "
-                    "or leave the constraints out",
-                    to_string(kind), to_string(kind)));
+        fmt::format("under linear constraints a compound criterion can't hold {0}: ask for {0} "
+                    "alone, or leave the constraints out",
+                    to_string(kind)));
   }
 }
 
