@@ -25,7 +25,8 @@ class MotionSearch {
     const bool is_open = machine_.motion == MotionKind::kOpen;
     if (is_open) machine_.motion = MotionKind::kRotary;
     const MotionContext context{time.sample_time, EvenSamples(machine_.log, time), machine_.motion,
-                                machine_.request.counts_per_turn};
+                                machine_.request.counts_per_turn,
+                                machine_.request.sample_time.has_value()};
     if (machine_.has_two) {
       choose_two(context);
     } else {

@@ -186,7 +186,11 @@ class RobotProposal {
 
   void choose_units() {
     if (request_.counts_per_turn) return take_counts();
-    const MotionContext context{time_.sample_time, EvenSamples(log_, time_), MotionKind::kOpen, {}};
+    const MotionContext context{time_.sample_time,
+                                EvenSamples(log_, time_),
+                                MotionKind::kOpen,
+                                {},
+                                request_.sample_time.has_value()};
     const std::vector<ColumnFamily> velocities = families_of(families_, LogQuantity::kVelocity);
     std::set<std::string> found;
     std::string why, note;

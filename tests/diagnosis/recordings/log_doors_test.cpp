@@ -451,5 +451,42 @@ TEST_F(LogDoors, AMeasuredCurrentGoesOnBetweenSamples) {
   EXPECT_EQ(hold_of("current [A]"), "zero ");
 }
 
+// ---- speeds and places --------------------------------------------------------------------------
+
+// Of a speed that hardly changes only the mean is compared.
+TEST_F(LogDoors, ASteadySpeedIsComparedByItsMean) {
+  constexpr Index kSamples = 400;
+  for (const double share : {1.0, 0.6}) {
+    VectorXd time(kSamples), place(kSamples), speed(kSamples), force(kSamples);
+    for (Index k = 0; k < kSamples; ++k) {
+      const auto n = static_cast<double>(k);
+      time(k) = 0.01 * n;
+      // Noise of stamps in the place, and a ripple of the speed that the place hardly has.
+      place(k) = share * 5.0 * time(k) + 0.01 * std::sin(37.0 * n * n);
+      speed(k) = 5.0 + 0.1 * std::sin(11.0 * n * n + 1.0);
+      force(k) = std::sin(3.0 * n * n);
+    }
+    const ModelProposal proposal = proposed(table_of({{"time [s]", time},
+                                                      {"position [rad]", place},
+                                                      {"velocity [rad/s]", speed},
+                                                      {"torque [N m]", force}}));
+    EXPECT_EQ(says(proposal, "is not the rate of"), share < 1.0) << all_of(proposal);
+  }
+}
+
+// A sample time that the user stated is the first suspect where rate and velocity differ by a
+// number.
+TEST_F(LogDoors, AStatedSampleTimeIsDoubtedFirst) {
+  const DoorAxis m = door_axis(2000, 0.01);
+  const std::string table =
+      table_of({{"position", m.position}, {"velocity", m.velocity}, {"torque [N m]", m.force}});
+  ProposalRequest request;
+  request.sample_time = 0.0125;
+  const ModelProposal wrong = proposed(table, {}, request);
+  EXPECT_TRUE(says(wrong, "x 0.0125 s = 10 ms for --sample-time")) << all_of(wrong);
+  request.sample_time = 0.01;
+  EXPECT_FALSE(says(proposed(table, {}, request), "for --sample-time"));
+}
+
 }  // namespace
 }  // namespace graybox
