@@ -488,5 +488,43 @@ TEST_F(LogDoors, AStatedSampleTimeIsDoubtedFirst) {
   EXPECT_FALSE(says(proposed(table, {}, request), "for --sample-time"));
 }
 
+// ---- two recordings -----------------------------------------------------------------------------
+
+// There in one recording and back in the other: both ways are fitted, and both are kept out.
+TEST_F(LogDoors, OppositeWaysAreSharedOut) {
+  constexpr Index kSamples = 400;
+  const auto kept_out = [&](double first, double second, std::size_t& parts) {
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    request.folder = folder_.file("axis");
+    for (const double way : {first, second}) {
+      VectorXd time(kSamples), place(kSamples), force(kSamples);
+      for (Index k = 0; k < kSamples; ++k) {
+        time(k) = 0.01 * static_cast<double>(k);
+        place(k) = way * time(k) + (way == 0.0 ? std::sin(4.0 * time(k)) : 0.0);
+        force(k) = 3.0 * way + 10.0 * std::sin(place(k));
+      }
+      request.logs.push_back(folder_.file(request.logs.empty() ? "one.csv" : "two.csv"));
+      testing::write_text(
+          request.logs.back(),
+          table_of({{"time [s]", time}, {"position [rad]", place}, {"torque [N m]", force}}));
+    }
+    const ModelProposal proposal = propose_model(request);
+    parts = 0;
+    const std::string role = "role: validation";
+    for (std::size_t at = proposal.campaign_text.find(role); at != std::string::npos;
+         at = proposal.campaign_text.find(role, at + 1)) {
+      ++parts;
+    }
+    return says(proposal, "every second part of each recording");
+  };
+  std::size_t parts = 0;
+  EXPECT_TRUE(kept_out(0.35, -0.35, parts));
+  EXPECT_EQ(parts, 4U);
+  EXPECT_FALSE(kept_out(0.35, 0.3, parts));
+  EXPECT_EQ(parts, 1U);
+  EXPECT_FALSE(kept_out(0.35, 0.0, parts));
+}
+
 }  // namespace
 }  // namespace graybox
