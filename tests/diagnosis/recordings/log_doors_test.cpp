@@ -488,6 +488,23 @@ TEST_F(LogDoors, AStatedSampleTimeIsDoubtedFirst) {
   EXPECT_FALSE(says(proposed(table, {}, request), "for --sample-time"));
 }
 
+// A letter's guess that jumps as a switch does is no position.
+TEST_F(LogDoors, ASwitchIsNoPosition) {
+  const DoorAxis m = door_axis(2000, 0.01);
+  VectorXd level(2000);
+  for (Index k = 0; k < level.size(); ++k) {
+    level(k) = (k / 300 % 2 == 0 ? 0.01 : 2.25) + 0.002 * std::sin(5.0 * static_cast<double>(k));
+  }
+  const auto table = [&](const VectorXd& y) {
+    return table_of({{"time", m.time}, {"D", m.position}, {"Y", y}, {"F", m.force}});
+  };
+  const ModelProposal open = proposed(table(level));
+  EXPECT_TRUE(says(open, "Which is the measured position or velocity: 'D' or 'Y'?"))
+      << all_of(open);
+  EXPECT_TRUE(says(proposed(table(m.position)), "position: 'Y'"));
+  EXPECT_TRUE(says(proposed(table(level), {"Y=position:m"}), "position: 'Y' in m; you said so"));
+}
+
 // ---- two recordings -----------------------------------------------------------------------------
 
 // There in one recording and back in the other: both ways are fitted, and both are kept out.
