@@ -354,8 +354,41 @@ class OneMassSearch {
       return start;
     }
     const bool follows = solution.left < kHalf * solution.without_drive;
-    start.told = follows ? OneMassTold::kReversed : OneMassTold::kNothing;
+    start.told = follows && stays_negative(chosen) ? OneMassTold::kReversed : OneMassTold::kNothing;
     return start;
+  }
+
+  // Whether the mass is negative beside all forces of the list, too, by three standard errors of
+  // that fit. What is left follows from its own past r(k) = rho r(k-1) + e(k), which makes the
+  // error larger by (1 + rho)/(1 - rho) in the squares. An axis that goes on at one speed, or
+  // yields like a spring, does not tell.
+  [[nodiscard]] bool stays_negative(const MassCandidate& chosen) const {
+    const Index length = chosen.length, segments = log_.motion.size() / length;
+    const Index forces = forces_.cols(), rows = segments * length;
+    const FreeResponse response(chosen.solution.pole, log_.sample_time, log_.is_velocity, length);
+    MatrixXd columns(log_.motion.size(), forces + 1);
+    for (Index k = 0; k < forces; ++k) columns.col(k) = response.of(forces_.col(k));
+    columns.col(forces) = log_.motion;
+    MatrixXd rest(rows, forces + 1);
+    for (Index s = 0; s < segments; ++s) {
+      rest.middleRows(s * length, length) =
+          response.without_start(columns.middleRows(s * length, length));
+    }
+    const MatrixXd products = rest.transpose() * rest;
+    const auto [values, left] = solved(products, forces);
+    const VectorXd residual = rest.col(forces) - rest.leftCols(forces) * values;
+    const double past = residual.head(rows - 1).dot(residual.tail(rows - 1)) /
+                        std::max(residual.squaredNorm(), 1e-300);
+    const double rho = std::clamp(past, 0.0, 0.999);
+    const VectorXd scale = products.diagonal().head(forces).cwiseMax(1e-300).cwiseSqrt();
+    MatrixXd normal = scale.cwiseInverse().asDiagonal() * products.topLeftCorner(forces, forces) *
+                      scale.cwiseInverse().asDiagonal();
+    normal.diagonal().array() += kRidge;
+    const double inverse =
+        normal.ldlt().solve(VectorXd::Unit(forces, 0))(0) / (scale(0) * scale(0));
+    const double noise = left / static_cast<double>(std::max<Index>(1, rows - forces));
+    const double error = std::sqrt(std::max(0.0, inverse) * noise * (1.0 + rho) / (1.0 - rho));
+    return values(0) < -error / kToldEnough;
   }
 
   static void take_weight(const MassCandidate& chosen, OneMassStart& start) {

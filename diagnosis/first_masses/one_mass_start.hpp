@@ -42,7 +42,9 @@ struct OneMassLog {
 enum class OneMassTold {
   kInertia,   // the log tells it
   kNothing,   // its error is above a third; values are what fits best, or scales of the log
-  kReversed,  // the inertia is negative by three errors: values of the drive with its sign turned
+  // The inertia is negative by three errors, beside all forces, too: values of the drive with its
+  // sign turned.
+  kReversed,
 };
 
 struct OneMassStart {

@@ -435,6 +435,19 @@ void read_manner(const Words& words, ColumnWords& result) {
 
 }  // namespace
 
+std::pair<std::string, std::string> title_and_unit(const std::string& title) {
+  for (const auto& [open, close] : {std::pair{'[', ']'}, std::pair{'(', ')'}}) {
+    const std::size_t begin = title.rfind(open);
+    if (begin == std::string::npos || begin == 0 || !title.ends_with(close)) continue;
+    std::string unit = title.substr(begin + 1, title.size() - begin - 2);
+    const bool is_index =
+        std::ranges::all_of(unit, [](unsigned char c) { return std::isdigit(c) != 0; });
+    if (is_index) continue;
+    return {std::string(trimmed(std::string_view(title).substr(0, begin))), std::move(unit)};
+  }
+  return {title, ""};
+}
+
 LogQuantity quantity_of_unit(std::string_view unit) {
   const Unit* known = find_unit(unit);
   const std::string_view base = known == nullptr ? unit : known->base;

@@ -18,6 +18,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/recording_files/title_words.hpp"
@@ -58,6 +59,9 @@ struct ColumnWords {
 
 // `stated_unit` is what the file says (RecordedColumn::unit), or empty.
 [[nodiscard]] ColumnWords read_column_words(std::string_view title, std::string_view stated_unit);
+
+// A title in two parts: "speed [turn/s]" is speed, in turn/s; "q[3]" is an array's third.
+[[nodiscard]] std::pair<std::string, std::string> title_and_unit(const std::string& title);
 
 // What a unit is of; kUnknown for "1" and others that may be anything.
 [[nodiscard]] LogQuantity quantity_of_unit(std::string_view unit);

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <ranges>
 #include <set>
 #include <utility>
 
@@ -45,9 +46,9 @@ std::optional<std::size_t> joint_by_name(const LogColumn& column,
   return best;
 }
 
-// The title without its joint or number.
+// The title without its unit, and without its joint or number.
 std::string pattern_of(const LogColumn& column, const std::string& joint) {
-  std::string pattern = column.name;
+  std::string pattern = title_and_unit(column.name).first;
   if (!joint.empty()) {
     if (const std::size_t at = pattern.find(joint); at != std::string::npos) {
       return pattern.replace(at, joint.size(), "*");
@@ -59,6 +60,11 @@ std::string pattern_of(const LogColumn& column, const std::string& joint) {
   const auto first = std::ranges::find_if(pattern, is_digit);
   const auto last = std::find_if_not(first, pattern.end(), is_digit);
   return std::string(pattern.begin(), first) + "*" + std::string(last, pattern.end());
+}
+
+// Positions are read in one unit; each drive has its own.
+bool have_one_unit(const ColumnFamily& family, const LogColumn& column) {
+  return drives(family.quantity) || family.columns.begin()->second->words.unit == column.words.unit;
 }
 
 // Joints that move, in the URDF's order, for columns that have numbers.
@@ -122,6 +128,20 @@ int rank_of_drive(LogQuantity quantity) {
 
 int fewer_joints(const ColumnFamily& family) { return -static_cast<int>(family.columns.size()); }
 
+// Titles that are written otherwise for each joint: one family where no two are of one joint, since
+// then nothing is to be chosen.
+std::vector<ColumnFamily> joined_where_disjoint(const std::vector<ColumnFamily>& families) {
+  if (families.size() < 2) return families;
+  ColumnFamily all = families.front();
+  for (const ColumnFamily& family : families | std::views::drop(1)) {
+    for (const auto& [joint, column] : family.columns) {
+      if (!have_one_unit(all, *column)) return families;
+      if (!all.columns.try_emplace(joint, column).second) return families;
+    }
+  }
+  return {all};
+}
+
 // The best of a list, each with what the user named. What was named alone wins where no other
 // family has more joints.
 template <class Rank>
@@ -139,7 +159,7 @@ std::vector<ColumnFamily> best_with_answers(const std::vector<ColumnFamily>& lis
       named->columns.try_emplace(joint, column);
     }
   }
-  if (!named) return best_of(best_of(own, rank), fewer_joints);
+  if (!named) return joined_where_disjoint(best_of(best_of(own, rank), fewer_joints));
   std::vector<ColumnFamily> best = best_of(own, rank);
   for (ColumnFamily& family : best) {
     for (const auto& [joint, column] : named->columns) {
@@ -212,13 +232,16 @@ std::vector<ColumnFamily> column_families(const LogRecording& recording,
     const std::string pattern = pattern_of(column, by_number ? "" : joints[*joint].name);
     auto family = std::ranges::find_if(families, [&](const ColumnFamily& each) {
       return each.pattern == pattern && each.quantity == column.words.quantity &&
-             each.columns.begin()->second->file == column.file;
+             each.columns.begin()->second->file == column.file && have_one_unit(each, column);
     });
     if (family == families.end()) {
       families.push_back({pattern, column.words.quantity, by_number, {}});
       family = families.end() - 1;
     }
     family->columns.try_emplace(*joint, &column);
+  }
+  for (ColumnFamily& family : families) {
+    if (family.columns.size() == 1) family.pattern = family.columns.begin()->second->name;
   }
   return families;
 }

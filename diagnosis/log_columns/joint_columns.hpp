@@ -2,7 +2,8 @@
 //
 // A title names a joint where the joint's words stand in it ("- arm_1_joint_effort" has those of
 // arm_1_joint). Else its number counts the joints from the base, from 0 or 1 on, if as many joints
-// are there. Columns that differ by the joint alone are a family: "rec.pos[1]" to "rec.pos[6]".
+// are there. Columns that differ by the joint alone are a family: "rec.pos[1]" to "rec.pos[6]",
+// "j1 torque [Nm]" and "j2 torque [Nm]"; the unit is no part of a family's name.
 // What a title says of its quantity it says beside the joint's name: the effort of a joint that is
 // called wrist_angle is no angle.
 #pragma once
@@ -19,7 +20,7 @@ namespace graybox {
 
 struct ColumnFamily {
   using Columns = std::map<std::size_t, const LogColumn*>;
-  std::string pattern;  // a title with the joint replaced by *
+  std::string pattern;  // a title with the joint replaced by *; of one column its title
   LogQuantity quantity = LogQuantity::kUnknown;
   bool by_number = false;  // not by joints' names
   Columns columns;         // by joint, as in the URDF's list

@@ -170,22 +170,18 @@ std::optional<int> place_in(const ColumnAnswer& answer, const std::string& name)
                              last = number_in(answer.names.substr(dots + 2)), at = number_in(name);
     if (first && last && at && *at >= *first && *at <= *last) return *at - *first + 1;
   }
-  if (answer.names.find_first_of("*?") != std::string::npos &&
-      fnmatch(answer.names.c_str(), name.c_str(), 0) == 0) {
-    return 0;
-  }
+  if (answer.names.find_first_of("*?") == std::string::npos) return {};
+  if (fnmatch(answer.names.c_str(), name.c_str(), 0) == 0) return 0;
   return {};
 }
 
-// A title in two parts: "speed [turn/s]" is speed, in turn/s.
-std::pair<std::string, std::string> title_and_unit(const std::string& title) {
-  for (const auto& [open, close] : {std::pair{'[', ']'}, std::pair{'(', ')'}}) {
-    const std::size_t begin = title.rfind(open);
-    if (begin == std::string::npos || begin == 0 || !title.ends_with(close)) continue;
-    return {std::string(trimmed(std::string_view(title).substr(0, begin))),
-            title.substr(begin + 1, title.size() - begin - 2)};
-  }
-  return {title, ""};
+// By the whole title, or by that without its unit where the answer names a range, an array or a
+// pattern.
+std::optional<int> place_of(const ColumnAnswer& answer, const std::string& title) {
+  const std::optional<int> place = place_in(answer, title);
+  if (place) return place;
+  const std::string name = title_and_unit(title).first;
+  return name == title || name == answer.names ? std::nullopt : place_in(answer, name);
 }
 
 // Whether two titles are one but for a unit that only one has, or that is spelled otherwise.
@@ -203,7 +199,7 @@ std::vector<std::pair<LogColumn*, int>> meant_columns(const ColumnAnswer& answer
                                                       LogRecording& recording) {
   std::vector<std::pair<LogColumn*, int>> meant;
   for (LogColumn& column : recording.columns) {
-    std::optional<int> place = place_in(answer, column.name);
+    std::optional<int> place = place_of(answer, column.name);
     if (!place && !column.number.empty()) place = place_in(answer, column.number);
     if (!place && is_whole_title(answer.names, column.name, column.stated_unit)) place = 0;
     if (place) meant.emplace_back(&column, *place);

@@ -4,9 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "diagnosis/log_columns/even_samples.hpp"
 #include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "problems/base/units.hpp"
@@ -119,6 +121,65 @@ std::string preprocess_text(const CampaignDraft& draft) {
   return text.empty() ? text : "preprocess:\n" + text;
 }
 
+// 1 or -1: all of the motion goes that way; 0: it goes both ways, or not at all.
+int way_of(const Eigen::VectorXd& motion, bool is_velocity) {
+  constexpr double kBack = 0.02, kJump = 10.0;  // of the squares; of a median step
+  const Eigen::Index n = motion.size(), over = std::max<Eigen::Index>(1, n / 100);
+  if (n <= 2 * over) return 0;
+  Eigen::ArrayXd rate = motion.array().tail(n - over);
+  if (!is_velocity) rate -= motion.array().head(n - over);
+  std::vector<double> sizes(static_cast<std::size_t>(rate.size()));
+  std::ranges::transform(rate, sizes.begin(), [](double each) { return std::abs(each); });
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::ranges::nth_element(sizes, middle);
+  rate = rate.max(-kJump * *middle).min(kJump * *middle);  // an angle that wraps jumps back
+  const double forwards = rate.max(0.0).square().sum(), backwards = rate.min(0.0).square().sum();
+  if (!(forwards + backwards > 0.0)) return 0;
+  if (std::min(forwards, backwards) > kBack * (forwards + backwards)) return 0;
+  return forwards > backwards ? 1 : -1;
+}
+
+// Whether each motion goes one way in the fit, and the other way in what is kept out: then dry
+// friction is a constant in both, and what was fitted fails on what was kept out.
+bool go_opposite_ways(const std::vector<DraftExperiment>& experiments,
+                      const std::vector<LogRecording>& recordings,
+                      const std::vector<const LogColumn*>& columns, bool are_velocities) {
+  bool any = false;
+  for (const LogColumn* column : columns) {
+    if (column == nullptr) return false;
+    int fitted = 0;
+    for (const DraftExperiment& each : experiments) {
+      const LogColumn& here = recordings[each.recording].at(column->file, column->name);
+      if (!here.moves()) continue;
+      const int way = way_of(without_gaps(here.values).segment(each.first, each.last - each.first),
+                             are_velocities);
+      if (way == 0 || (!each.is_validation && fitted == -way)) return false;
+      if (each.is_validation && fitted != -way) return false;
+      any = any || each.is_validation;
+      fitted = each.is_validation ? fitted : way;
+    }
+  }
+  return any;
+}
+
+// Every second part of each recording is kept out, of the last ones those that are fitted of the
+// first ones; empty where parts would be too short.
+std::vector<DraftExperiment> shared_out(const std::vector<DraftExperiment>& experiments) {
+  constexpr Eigen::Index kFewestOfPart = 80;
+  std::vector<DraftExperiment> parts;
+  for (const DraftExperiment& each : experiments) {
+    const Eigen::Index samples = each.last - each.first + 1;
+    const Eigen::Index count = samples >= 4 * kFewestOfPart ? 4 : 2;
+    if (samples < count * kFewestOfPart) return {};
+    for (Eigen::Index k = 0; k < count; ++k) {
+      parts.push_back({each.recording, each.first + k * samples / count,
+                       each.first + (k + 1) * samples / count - 1, false,
+                       (k % 2 == 1) != each.is_validation});
+    }
+  }
+  return parts;
+}
+
 // The files that channels read, by key.
 std::string files_text(const CampaignDraft& draft, const LogRecording& recording,
                        const std::filesystem::path& folder) {
@@ -210,7 +271,12 @@ std::vector<DraftExperiment> draft_experiments(const std::vector<LogRecording>& 
   if (plan == SplitPlan::kNoValidation) return experiments;
   if (experiments.size() > 1) {
     experiments.back().is_validation = true;
-    return experiments;
+    if (plan == SplitPlan::kMostInFit ||
+        !go_opposite_ways(experiments, recordings, columns, are_velocities)) {
+      return experiments;
+    }
+    const std::vector<DraftExperiment> parts = shared_out(experiments);
+    return parts.empty() ? experiments : parts;
   }
   const double share = plan == SplitPlan::kMostInFit ? kMostOfFit : kShareOfFit;
   DraftExperiment whole = experiments.front();

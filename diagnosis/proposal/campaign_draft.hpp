@@ -59,13 +59,20 @@ struct CampaignDraft {
   std::vector<std::string> unused;  // "column: why not", for the comment at the end
 };
 
+// Why recordings were cut into parts.
+inline constexpr const char* kOppositeWays =
+    "each recording goes one way, and they go opposite ways: both ways are in the fit and in what "
+    "is kept out";
+
 // Names of data files are relative to `folder`.
 [[nodiscard]] std::string campaign_text(const CampaignDraft& draft,
                                         const std::vector<LogRecording>& recordings,
                                         const std::filesystem::path& folder);
 
 // What each recording gives to the fit and to its check, by the plan. `columns` are the motions
-// that decide what moves, of the first recording.
+// that decide what moves, of the first recording. Where all of them go one way in the fit and the
+// other way in the recording kept out, both recordings are cut into parts, and each role has parts
+// of both; there are more experiments than recordings then.
 [[nodiscard]] std::vector<DraftExperiment> draft_experiments(
     const std::vector<LogRecording>& recordings, const std::vector<const LogColumn*>& columns,
     bool are_velocities, double sample_time, SplitPlan plan = SplitPlan::kMovingHalves);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
@@ -28,6 +29,21 @@ int rank_of(const LogColumn& column) {
   if (words.quantity == LogQuantity::kVoltage) rank += 8;
   if (words.quantity == LogQuantity::kCommand) rank += 12;
   return rank;
+}
+
+// Two levels that nearly all samples are at, with jumps between them: no motion of a machine.
+bool jumps_between_levels(const Eigen::VectorXd& values) {
+  constexpr double kNear = 0.05, kJump = 0.5, kAtLevels = 0.95;
+  std::vector<double> sorted(values.begin(), values.end());
+  std::ranges::sort(sorted);
+  const std::size_t n = sorted.size();
+  const double low = sorted[n / 50], high = sorted[n - 1 - n / 50], span = high - low;
+  if (!(span > 0.0)) return false;
+  const Eigen::ArrayXd steps = values.tail(values.size() - 1) - values.head(values.size() - 1);
+  const Eigen::ArrayXd from_low = (values.array() - low).abs(),
+                       from_high = (values.array() - high).abs();
+  const auto at_levels = static_cast<double>((from_low.min(from_high) < kNear * span).count());
+  return steps.abs().maxCoeff() > kJump * span && at_levels > kAtLevels * static_cast<double>(n);
 }
 
 std::vector<const LogColumn*> best_of(const std::vector<const LogColumn*>& columns) {
@@ -121,6 +137,18 @@ std::string doubt_of(const LogColumn& drive, const DriveManner& manner) {
 
 }  // namespace
 
+bool is_guessed_switch(const LogColumn& column) {
+  constexpr std::size_t kFewValues = 5;
+  const bool is_guess = !column.answered && !column.words.sure && column.evidence.empty();
+  const Eigen::VectorXd values = without_gaps(column.values);
+  if (!is_guess || values.size() < kFewestSamples) return false;
+  std::set<double> different;
+  for (const double each : values) {
+    if (different.size() <= kFewValues) different.insert(each);
+  }
+  return different.size() <= kFewValues || jumps_between_levels(values);
+}
+
 double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   if (a.size() != b.size()) return 0.0;
   const Eigen::ArrayXd x = a.array() - a.mean(), y = b.array() - b.mean();
@@ -175,7 +203,8 @@ ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns,
 }
 
 ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns, LogQuantity quantity) {
-  const std::vector<const LogColumn*> moving = moving_columns(columns, quantity);
+  std::vector<const LogColumn*> moving = moving_columns(columns, quantity);
+  std::erase_if(moving, [](const LogColumn* column) { return is_guessed_switch(*column); });
   if (moving.empty()) return {};
   const std::vector<const LogColumn*> best = best_of(moving);
   if (best.size() == 1 || are_copies(best)) {

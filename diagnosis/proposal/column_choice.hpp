@@ -34,6 +34,10 @@ struct ColumnChoice {
 [[nodiscard]] ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns,
                                            LogQuantity quantity);
 
+// A letter's guess that has no more than five values, or jumps between two levels as a switch does:
+// it is no motion of a machine.
+[[nodiscard]] bool is_guessed_switch(const LogColumn& column);
+
 // Columns that move and whose quantity is that.
 [[nodiscard]] std::vector<const LogColumn*> moving_columns(
     const std::vector<const LogColumn*>& columns, LogQuantity quantity);

@@ -195,7 +195,9 @@ class MassCampaign {
     const bool is_one = machine_.recordings.size() == 1;
     if (machine_.request.split == SplitPlan::kNoValidation)
       return add_guess(proposal_, "kept out", "nothing", few);
-    if (!is_one) {
+    if (!is_one && draft_.experiments.size() > machine_.recordings.size()) {
+      add_guess(proposal_, "kept out", "every second part of each recording", kOppositeWays);
+    } else if (!is_one) {
       add_guess(proposal_, "kept out", machine_.recordings.back().label(), "checks the fit");
     } else if (machine_.request.split == SplitPlan::kMostInFit) {
       add_guess(proposal_, "kept out", "the last quarter", "checks the fit; " + few);

@@ -109,6 +109,26 @@ class MassModel {
         start.inertia, inertia_unit(), 100.0 * start.spread, who));
   }
 
+  // Where the motion goes one way, a drive against it tells no sign: a load does the same.
+  void note_braking() {
+    constexpr double kBack = 0.02, kMostly = 0.75;  // of the squares; of the samples
+    const Eigen::VectorXd place = motion(0), drive = force();
+    const Eigen::Index n = place.size(), over = std::max<Eigen::Index>(1, n / 200);
+    if (n != drive.size() || n <= 2 * over) return;
+    Eigen::ArrayXd rate = place.array().tail(n - over);
+    if (!machine_.motions[0].is_velocity) rate -= place.array().head(n - over);
+    const double forwards = rate.max(0.0).square().sum(), backwards = rate.min(0.0).square().sum();
+    if (std::min(forwards, backwards) > kBack * (forwards + backwards)) return;
+    const Eigen::ArrayXd power = drive.array().tail(n - over) * rate;
+    const auto braking = static_cast<double>((power < 0.0).count());
+    if (!(power.sum() < 0.0) || braking < kMostly * static_cast<double>(power.size())) return;
+    proposal_.notes.push_back(fmt::format(
+        "'{}' (drive) acts against the motion, which goes one way: either a load drives the axis, "
+        "as a weight or another machine, or drive or encoder is reversed. This log can't tell "
+        "which; one that goes both ways can",
+        machine_.drive->name));
+  }
+
   // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
   std::string weight(const OneMassStart& start) {
     const bool is_needed = start.told == OneMassTold::kInertia &&
@@ -133,6 +153,7 @@ class MassModel {
                                                 : "guessed: open until the questions are answered";
     if (can_compute()) {
       start = one_mass_start();
+      if (!machine_.has_goal() && start.told != OneMassTold::kReversed) note_braking();
       switch (start.told) {
         case OneMassTold::kInertia:
           why = "a start: least squares of the motion on the drive and friction";

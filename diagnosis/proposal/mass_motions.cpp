@@ -25,7 +25,8 @@ class MotionSearch {
     const bool is_open = machine_.motion == MotionKind::kOpen;
     if (is_open) machine_.motion = MotionKind::kRotary;
     const MotionContext context{time.sample_time, EvenSamples(machine_.log, time), machine_.motion,
-                                machine_.request.counts_per_turn};
+                                machine_.request.counts_per_turn,
+                                machine_.request.sample_time.has_value()};
     if (machine_.has_two) {
       choose_two(context);
     } else {
@@ -104,6 +105,16 @@ class MotionSearch {
   void ask_for_motion(const std::string& what) {
     Columns left = machine_.open;
     std::erase(left, machine_.drive);
+    for (const LogQuantity quantity : {LogQuantity::kPosition, LogQuantity::kVelocity}) {
+      for (const LogColumn* column : moving_columns(machine_.columns, quantity)) {
+        if (!is_guessed_switch(*column)) continue;
+        left.push_back(column);
+        proposal_.notes.push_back(fmt::format(
+            "'{}' jumps between few values, as a switch does: it is not taken for the motion, "
+            "though its letter may mean one",
+            column->name));
+      }
+    }
     if (left.empty()) {
       throw InputError(fmt::format(
           "{}: no column is a {} or velocity that moves; say which by --column NAME=position{}",

@@ -107,13 +107,7 @@ class RateComparison {
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return;
     const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
     fit_ = fit_rate(context_.even.of(smooth), context_.even.of(velocity_->values), context_.step);
-    if (!fit_) {
-      if (context_.even.of(smooth).size() >= kFewestCompared) {
-        remarks_.push_back(
-            fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
-      }
-      return;
-    }
+    if (!fit_) return compare_means(context_.even.of(smooth));
     if (std::abs(fit_->late) > std::max(kLate, 2.0 * context_.step)) {
       remarks_.push_back(fmt::format("'{}' is {} than the rate of '{}' by {:.3g} s",
                                      velocity_->name, fit_->late > 0.0 ? "later" : "earlier",
@@ -131,9 +125,9 @@ class RateComparison {
     if (both_stated && is_gear()) {
       const double ratio = fit_->factor * find_unit(position_->words.unit)->factor /
                            find_unit(velocity_->words.unit)->factor;
-      remarks_.push_back(
-          fmt::format("'{}' is the rate of '{}' times {:.4g}, as behind a gear (misfit {:.2g} %)",
-                      velocity_->name, position_->name, 1.0 / ratio, 100.0 * fit_->misfit));
+      remarks_.push_back(fmt::format(
+          "{}'{}' is the rate of '{}' times {:.4g}, as behind a gear (misfit {:.2g} %)",
+          by_sample_time(), velocity_->name, position_->name, 1.0 / ratio, 100.0 * fit_->misfit));
       return;
     }
     if (both_stated && fit_->misfit > kOneRatio && is_near_one()) {
@@ -143,8 +137,40 @@ class RateComparison {
       return;
     }
     if (both_stated) return ask_units();
-    remarks_.push_back(fmt::format("the rate of '{}' is {:.4g} times '{}', which fits no units",
-                                   position_->name, fit_->factor, velocity_->name));
+    remarks_.push_back(fmt::format("{}the rate of '{}' is {:.4g} times '{}', which fits no units",
+                                   by_sample_time(), position_->name, fit_->factor,
+                                   velocity_->name));
+  }
+
+  // Of a speed that hardly changes, noise, jitter of the stamps and a small lateness leave only the
+  // mean: where the way over the time is the mean velocity, nothing contradicts.
+  void compare_means(const Eigen::VectorXd& place) {
+    constexpr double kNearlyConstant = 0.3;  // deviation over the mean
+    const Eigen::Index n = place.size();
+    if (n < kFewestCompared) return;
+    const Eigen::VectorXd speed = context_.even.of(velocity_->values);
+    const double mean = speed.mean();
+    const double deviation = std::sqrt((speed.array() - mean).square().mean());
+    if (std::isfinite(mean) && deviation < kNearlyConstant * std::abs(mean)) {
+      const double way = place(n - 1) - place(0);
+      const double factor = way / (static_cast<double>(n - 1) * context_.step * mean);
+      units_ = units_by_rate(factor, position_->words.unit, velocity_->words.unit, motion());
+      if (units_.is_found && factor > 0.0) return;
+      units_ = {};
+    }
+    remarks_.push_back(
+        fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
+  }
+
+  // Of a sample time that the user stated: that with which both agree comes before all else that a
+  // ratio may mean.
+  [[nodiscard]] std::string by_sample_time() const {
+    if (!context_.step_is_stated || !fit_ || !(fit_->factor > 0.0)) return "";
+    const Unit *place = find_unit(position_->words.unit), *speed = find_unit(velocity_->words.unit);
+    const double ratio = fit_->factor * (place == nullptr ? 1.0 : place->factor) /
+                         (speed == nullptr ? 1.0 : speed->factor);
+    return fmt::format("with {:.4g} x {:g} s = {:.3g} ms for --sample-time both would agree; else ",
+                       ratio, context_.step, 1e3 * ratio * context_.step);
   }
 
   // Nearly the rate, but for what a speed of few counts a sample is wrong by.
@@ -173,18 +199,19 @@ class RateComparison {
                          find_unit(units_.velocity)->factor;
     if (std::abs(ratio - 1.0) < quite) return;
     notes_.push_back(
-        fmt::format("the rate of '{}' is {:.3g} times '{}': a velocity that is scaled, or time "
+        fmt::format("{}the rate of '{}' is {:.3g} times '{}': a velocity that is scaled, or time "
                     "stamps that are",
-                    position_->name, ratio, velocity_->name));
+                    by_sample_time(), position_->name, ratio, velocity_->name));
   }
 
   void ask_units() {
     const std::string& unit = position_->words.unit;
     OpenQuestion question;
     question.text = fmt::format(
-        "'{}' in {} and '{}' in {} don't agree: the rate of the one is {:.4g} times the "
+        "{}'{}' in {} and '{}' in {} don't agree: the rate of the one is {:.4g} times the "
         "other. Which unit is right?",
-        position_->name, unit, velocity_->name, velocity_->words.unit, fit_->factor);
+        by_sample_time(), position_->name, unit, velocity_->name, velocity_->words.unit,
+        fit_->factor);
     question.option = fmt::format("--column '{}=position:UNIT' --column '{}=ignore'",
                                   position_->name, velocity_->name);
     for (const MotionUnits& each :

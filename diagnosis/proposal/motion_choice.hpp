@@ -37,6 +37,7 @@ struct MotionContext {
   EvenSamples even = {};  // of uneven times
   MotionKind motion = MotionKind::kOpen;
   std::optional<double> counts_per_turn;
+  bool step_is_stated = false;  // by the user, beside no column of times
 };
 
 // The question which unit a column has whose title states an odd one.

@@ -131,6 +131,9 @@ class RobotCampaignDraft {
   // Halves of which one shows a joint less than the other check nothing of it: then alternating
   // blocks (kept_out_blocks.hpp).
   void split_in_blocks() {
+    if (recordings_.size() > 1 && draft_.experiments.size() > recordings_.size()) {
+      return guess("kept out", "every second part of each recording", kOppositeWays);
+    }
     if (recordings_.size() > 1 || draft_.experiments.size() != 2) {
       return guess("kept out", recordings_.back().label(), "checks the fit");
     }

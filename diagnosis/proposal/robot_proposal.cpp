@@ -121,6 +121,7 @@ class RobotProposal {
     question.text = fmt::format("Which columns are the {} of the joints: {}?", what, question.text);
     question.option = fmt::format("--column '{}=ignore', say", list.back().pattern);
     proposal_.questions.push_back(question);
+    columns_are_open_ = true;
     return list.front();
   }
 
@@ -148,6 +149,7 @@ class RobotProposal {
 
   // A joint that a column moves, and that the model holds still.
   void warn_of_locked(std::size_t joint) {
+    if (columns_are_open_) return;  // the answer decides which joints move
     const std::string& name = robot_.joints()[joint].name;
     const LogColumn *motion = nullptr, *drive = nullptr, *open = nullptr;
     for (const ColumnFamily& family : families_) {
@@ -184,7 +186,11 @@ class RobotProposal {
 
   void choose_units() {
     if (request_.counts_per_turn) return take_counts();
-    const MotionContext context{time_.sample_time, EvenSamples(log_, time_), MotionKind::kOpen, {}};
+    const MotionContext context{time_.sample_time,
+                                EvenSamples(log_, time_),
+                                MotionKind::kOpen,
+                                {},
+                                request_.sample_time.has_value()};
     const std::vector<ColumnFamily> velocities = families_of(families_, LogQuantity::kVelocity);
     std::set<std::string> found;
     std::string why, note;
@@ -283,6 +289,7 @@ class RobotProposal {
   LoggedRobot robot_;
   std::vector<ColumnFamily> families_;
   ColumnFamily positions_, forces_;
+  bool columns_are_open_ = false;
   LogTime time_;
   AngleUnit angle_;
   std::string unit_reason_;

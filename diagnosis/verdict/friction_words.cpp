@@ -32,7 +32,23 @@ struct Place {
   std::string name;
   std::vector<const FittedLaw*> laws;
   bool is_dry = false, has_memory = false;
+  double own_damping = 0.0;  // of the model
 };
+
+// The damping that the model itself has at the place, as it was fitted beside the laws: of a single
+// mass, to which every damping belongs. Of several the estimates' names do not tell whose it is.
+double own_damping(const Diagnosis& diagnosis, const Place& place) {
+  const LawParameterEstimate* mass = nullptr;
+  double damping = 0.0;
+  for (const LawParameterEstimate& each : diagnosis.after.model_parameters) {
+    if (each.name.ends_with(".damping")) damping += each.value;
+    if (each.unit != "kg" && each.unit != "kg m^2") continue;
+    if (mass != nullptr) return 0.0;
+    mass = &each;
+  }
+  const bool is_its = mass != nullptr && mass->name.starts_with(place.name + ".");
+  return is_its ? damping : 0.0;
+}
 
 std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
                                         std::span<const Hypothesis> hypotheses) {
@@ -50,6 +66,7 @@ std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
     place->is_dry = place->is_dry || is_dry;
     place->has_memory = place->has_memory || has_memory;
   }
+  for (Place& place : places) place.own_damping = own_damping(diagnosis, place);
   return places;
 }
 
@@ -63,7 +80,7 @@ double force_of(const FittedLaw& law, const std::string& name, double speed) {
 }
 
 double force_at(const Place& place, std::span<const Hypothesis> hypotheses, double speed) {
-  double sum = 0.0;
+  double sum = place.own_damping * speed;
   for (const FittedLaw* law : place.laws) {
     sum += force_of(*law, hypotheses[law->hypothesis].law, speed);
   }

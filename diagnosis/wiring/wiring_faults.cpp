@@ -40,6 +40,7 @@ class Detective {
   Detective(const RigidRobotModel& robot, std::span<const Motion> pieces,
             const std::function<bool()>& keep_going)
       : robot_(robot),
+        pieces_(pieces),
         keep_going_(keep_going),
         joints_(robot.size()),
         balance_(robot, pieces),
@@ -271,10 +272,24 @@ class Detective {
   // Whether it moves against its force: of inertia and friction neither can be negative. Joints
   // that share motors share these, too, and are passed over.
   [[nodiscard]] bool drives_itself(Index j) {
-    if (!has_own_motor(j) || !(friction_over_error(wiring_, j) < -kErrors)) return false;
+    if (!has_own_motor(j) || !goes_both_ways(wiring_.motion[at(j)]) ||
+        !(friction_over_error(wiring_, j) < -kErrors))
+      return false;
     const WiredFit now = balance_.fit(wiring_);
     return balance_.inertia(wiring_, now, j) < 0.0 ||
            balance_.fit(other_force_sign(j)).error(j) < kSmallestGain * now.error(j);
+  }
+
+  // On a way that has no back a load does what friction of the other sign would.
+  [[nodiscard]] bool goes_both_ways(Index motion) const {
+    constexpr double kBack = 0.02;  // of the velocity's squares
+    double forwards = 0.0, backwards = 0.0;
+    for (const Motion& piece : pieces_) {
+      const Eigen::ArrayXd velocity = piece.velocity.col(motion).array();
+      forwards += velocity.max(0.0).square().sum();
+      backwards += velocity.min(0.0).square().sum();
+    }
+    return std::min(forwards, backwards) >= kBack * (forwards + backwards);
   }
 
   [[nodiscard]] bool has_own_motor(Index j) const {
@@ -328,6 +343,7 @@ class Detective {
   }
 
   const RigidRobotModel& robot_;
+  std::span<const Motion> pieces_;
   const std::function<bool()>& keep_going_;
   Index joints_;
   WiredBalance balance_;

@@ -21,7 +21,8 @@
 //      is negative, by more than 3 jackknife errors (tenths of the recordings left out), and so is
 //      its inertia, or the other sign makes the error a fifth smaller. A missing spring may make
 //      the inertia negative, a late force the friction; a stiff spring and a late force together
-//      may look like a wrong sign. Joints that share motors are passed over.
+//      may look like a wrong sign. Joints that share motors are passed over, and those that go one
+//      way only: a load, as a weight, does the same there.
 //
 // Masses that are not known take what they can of a fault. What changes no more than their values
 // can't be found: a unit of all forces, or the mirror image of an upright axis. With one joint the

@@ -525,5 +525,35 @@ TEST_F(RewiredRecordings, AreTold) {
             std::string::npos);
 }
 
+// A load that pushes an axis which goes one way feeds it as friction of the other sign would.
+TEST(WiringFaults, OfAWayWithoutBackAreNotTold) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints:
+  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
+channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
+)");
+  const RigidRobotModel drive = load_rigid_robot(folder.file("drive.yaml"));
+  constexpr Index kSamples = 1000;
+  for (const bool comes_back : {false, true}) {
+    Random random(5);
+    Motion way{VectorXd(kSamples), MatrixXd(kSamples, 1), MatrixXd(kSamples, 1),
+               MatrixXd(kSamples, 1), MatrixXd(kSamples, 1)};
+    const double mean = comes_back ? 0.0 : 1.0;
+    for (Index k = 0; k < kSamples; ++k) {
+      const double t = 0.01 * static_cast<double>(k);
+      way.time(k) = t;
+      way.position(k) = mean * t - 0.2 * std::cos(2.0 * t);
+      way.velocity(k) = mean + 0.4 * std::sin(2.0 * t);
+      way.acceleration(k) = 0.8 * std::cos(2.0 * t);
+      way.torque(k) = -20.0 * way.acceleration(k) - 10.0 * way.velocity(k) + random.normal();
+    }
+    const std::string found = messages(find_wiring_faults(drive, std::vector<Motion>{way}));
+    EXPECT_EQ(found.find("wrong sign") != std::string::npos, comes_back) << found;
+  }
+}
+
 }  // namespace
 }  // namespace graybox

@@ -451,5 +451,97 @@ TEST_F(LogDoors, AMeasuredCurrentGoesOnBetweenSamples) {
   EXPECT_EQ(hold_of("current [A]"), "zero ");
 }
 
+// ---- speeds and places --------------------------------------------------------------------------
+
+// Of a speed that hardly changes only the mean is compared.
+TEST_F(LogDoors, ASteadySpeedIsComparedByItsMean) {
+  constexpr Index kSamples = 400;
+  for (const double share : {1.0, 0.6}) {
+    VectorXd time(kSamples), place(kSamples), speed(kSamples), force(kSamples);
+    for (Index k = 0; k < kSamples; ++k) {
+      const auto n = static_cast<double>(k);
+      time(k) = 0.01 * n;
+      // Noise of stamps in the place, and a ripple of the speed that the place hardly has.
+      place(k) = share * 5.0 * time(k) + 0.01 * std::sin(37.0 * n * n);
+      speed(k) = 5.0 + 0.1 * std::sin(11.0 * n * n + 1.0);
+      force(k) = std::sin(3.0 * n * n);
+    }
+    const ModelProposal proposal = proposed(table_of({{"time [s]", time},
+                                                      {"position [rad]", place},
+                                                      {"velocity [rad/s]", speed},
+                                                      {"torque [N m]", force}}));
+    EXPECT_EQ(says(proposal, "is not the rate of"), share < 1.0) << all_of(proposal);
+  }
+}
+
+// A sample time that the user stated is the first suspect where rate and velocity differ by a
+// number.
+TEST_F(LogDoors, AStatedSampleTimeIsDoubtedFirst) {
+  const DoorAxis m = door_axis(2000, 0.01);
+  const std::string table =
+      table_of({{"position", m.position}, {"velocity", m.velocity}, {"torque [N m]", m.force}});
+  ProposalRequest request;
+  request.sample_time = 0.0125;
+  const ModelProposal wrong = proposed(table, {}, request);
+  EXPECT_TRUE(says(wrong, "x 0.0125 s = 10 ms for --sample-time")) << all_of(wrong);
+  request.sample_time = 0.01;
+  EXPECT_FALSE(says(proposed(table, {}, request), "for --sample-time"));
+}
+
+// A letter's guess that jumps as a switch does is no position.
+TEST_F(LogDoors, ASwitchIsNoPosition) {
+  const DoorAxis m = door_axis(2000, 0.01);
+  VectorXd level(2000);
+  for (Index k = 0; k < level.size(); ++k) {
+    level(k) = (k / 300 % 2 == 0 ? 0.01 : 2.25) + 0.002 * std::sin(5.0 * static_cast<double>(k));
+  }
+  const auto table = [&](const VectorXd& y) {
+    return table_of({{"time", m.time}, {"D", m.position}, {"Y", y}, {"F", m.force}});
+  };
+  const ModelProposal open = proposed(table(level));
+  EXPECT_TRUE(says(open, "Which is the measured position or velocity: 'D' or 'Y'?"))
+      << all_of(open);
+  EXPECT_TRUE(says(proposed(table(m.position)), "position: 'Y'"));
+  EXPECT_TRUE(says(proposed(table(level), {"Y=position:m"}), "position: 'Y' in m; you said so"));
+}
+
+// ---- two recordings -----------------------------------------------------------------------------
+
+// There in one recording and back in the other: both ways are fitted, and both are kept out.
+TEST_F(LogDoors, OppositeWaysAreSharedOut) {
+  constexpr Index kSamples = 400;
+  const auto kept_out = [&](double first, double second, std::size_t& parts) {
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    request.folder = folder_.file("axis");
+    for (const double way : {first, second}) {
+      VectorXd time(kSamples), place(kSamples), force(kSamples);
+      for (Index k = 0; k < kSamples; ++k) {
+        time(k) = 0.01 * static_cast<double>(k);
+        place(k) = way * time(k) + (way == 0.0 ? std::sin(4.0 * time(k)) : 0.0);
+        force(k) = 3.0 * way + 10.0 * std::sin(place(k));
+      }
+      request.logs.push_back(folder_.file(request.logs.empty() ? "one.csv" : "two.csv"));
+      testing::write_text(
+          request.logs.back(),
+          table_of({{"time [s]", time}, {"position [rad]", place}, {"torque [N m]", force}}));
+    }
+    const ModelProposal proposal = propose_model(request);
+    parts = 0;
+    const std::string role = "role: validation";
+    for (std::size_t at = proposal.campaign_text.find(role); at != std::string::npos;
+         at = proposal.campaign_text.find(role, at + 1)) {
+      ++parts;
+    }
+    return says(proposal, "every second part of each recording");
+  };
+  std::size_t parts = 0;
+  EXPECT_TRUE(kept_out(0.35, -0.35, parts));
+  EXPECT_EQ(parts, 4U);
+  EXPECT_FALSE(kept_out(0.35, 0.3, parts));
+  EXPECT_EQ(parts, 1U);
+  EXPECT_FALSE(kept_out(0.35, 0.0, parts));
+}
+
 }  // namespace
 }  // namespace graybox

@@ -183,6 +183,24 @@ TEST_F(LogDoubts, ADriveOfTheWrongSignIsAsked) {
   EXPECT_EQ(notes_of(right).find("sign"), std::string::npos);
 }
 
+// An axis that yields like a spring goes with its drive, and speeds up against it: no mass shows,
+// and no sign.
+TEST_F(LogDoubts, AnAxisThatOnlyYieldsTellsNoSign) {
+  const Axis m = axis(2000, 0.01);
+  std::vector<double> force, place;
+  for (std::size_t k = 0; k < m.time.size(); ++k) {
+    const double n = static_cast<double>(k), t = 0.01 * n;
+    force.push_back(6.0 * std::sin(2.0 * t) + 2.0 * std::sin(5.3 * t));
+    place.push_back(force.back() / 400.0 + 1e-6 * std::sin(37.0 * n * n));
+  }
+  const ModelProposal proposal =
+      proposed({{"time", m.time}, {"position [rad]", place}, {"torque [N m]", force}});
+  EXPECT_EQ(notes_of(proposal).find("are the signs right?"), std::string::npos)
+      << notes_of(proposal);
+  EXPECT_NE(value_of(proposal, "mass").find("hardly shows an inertia"), std::string::npos)
+      << value_of(proposal, "mass");
+}
+
 // Of a drive, an encoder and perhaps a tachometer one is reversed: what is named as reversed is
 // that or, where nothing tells, one of several; what is said to turn it turns it.
 TEST_F(LogDoubts, WhatIsReversedIsNamedWhereTheLogTellsIt) {
@@ -814,11 +832,10 @@ TEST_F(LogDoubts, AWrongStampIsMendedAndTold) {
     const std::string file = write(
         "stamps.csv", {{"time [s]", times}, {"angle [rad]", m.position}, {"torque [Nm]", m.force}});
     const ModelProposal proposal = written({file});
-    EXPECT_NE(
-        notes_of(proposal).find(fmt::format("'time' of row 301: {:.10g} is 1 too {}: read "
-                                            "as 3",
-                                            3.0 + off, off < 0.0 ? "early" : "late")),
-        std::string::npos)
+    EXPECT_NE(notes_of(proposal).find(fmt::format("'time' of row 301: {:.10g} is 1 too {}: read "
+                                                  "as 3",
+                                                  3.0 + off, off < 0.0 ? "early" : "late")),
+              std::string::npos)
         << notes_of(proposal);
     EXPECT_EQ(notes_of(proposal).find("begins anew"), std::string::npos);
     EXPECT_EQ(value_of(proposal, "left out"), "");

@@ -198,5 +198,34 @@ TEST_F(RobotLogs, AJointThatGoesOneWayInAHalfIsSharedOut) {
       << value_of(robot, "kept out");
 }
 
+// A unit is no part of what a column is called: all joints are read, and patterns find them.
+TEST_F(RobotLogs, UnitsInTheTitlesPartNoJoints) {
+  const std::vector<std::pair<std::string, Signal>> columns{
+      {"joint1_pos [deg]", swing(57.0, 3.0, 0.0)},
+      {"joint1_torque [Nm]", swing(40.0, 3.0, 1.0)},
+      {"joint2_pos [deg]", swing(46.0, 4.1, 0.3)},
+      {"joint2_torque [N m]", swing(30.0, 4.1, 1.0)}};
+  const auto expect_both = [&](const ModelProposal& robot) {
+    EXPECT_TRUE(robot.questions.empty());
+    EXPECT_EQ(value_of(robot, "joints").substr(0, 19), "2, joint1 to joint2");
+    EXPECT_EQ(value_of(robot, "not used"), "");
+    EXPECT_EQ(notes_of(robot).find("locked"), std::string::npos) << notes_of(robot);
+  };
+  expect_both(proposed({"joint1", "joint2"}, columns));
+  expect_both(proposed({"joint1", "joint2"}, columns, {"joint*_torque=torque:N m"}));
+  // Written otherwise for each joint: nothing is to be chosen either.
+  std::vector<std::pair<std::string, Signal>> others = columns;
+  others[1].first = "motor 1 torque [Nm]";
+  expect_both(proposed({"joint1", "joint2"}, others));
+  // Two torques of one joint are: what is asked for is advised about no further.
+  others[1].first = "joint1_torque [Nm]";
+  others.push_back({"joint1_effort [Nm]", swing(41.0, 3.0, 1.2)});
+  others.push_back({"joint2_effort [Nm]", swing(31.0, 4.1, 1.2)});
+  const ModelProposal open = proposed({"joint1", "joint2"}, others);
+  ASSERT_EQ(open.questions.size(), 1U);
+  EXPECT_NE(open.questions[0].text.find("'joint*_torque', 'joint*_effort'?"), std::string::npos)
+      << open.questions[0].text;
+}
+
 }  // namespace
 }  // namespace graybox

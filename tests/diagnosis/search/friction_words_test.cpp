@@ -77,5 +77,17 @@ TEST_F(FrictionWords, BeginAtTheSlowestSpeedOfMotionOneWay) {
   EXPECT_EQ(lines().at(0), "Friction of the arm axis of elbow: 6 N m at 0.5 rad/s, 9 at 2.");
 }
 
+// 30 - 10 * 2 = 10 at the highest speed.
+TEST_F(FrictionWords, AddTheModelsOwnDamping) {
+  find("coulomb", {of("level", 30.0), of("transition_velocity", 1e-4)});
+  hypotheses_[0].place = "elbow";
+  diagnosis_.after.model_parameters = {{"elbow.inertia", "kg m^2", 4.0, 0.1},
+                                       {"bearing.damping", "N m s/rad", -10.0, 1.0}};
+  EXPECT_EQ(lines().at(0), "Friction of elbow: 30 N m at 0.02 rad/s, 28 at 0.2, 10 at 2.");
+  // Beside a second mass nothing tells whose damping it is.
+  diagnosis_.after.model_parameters.push_back({"wrist.inertia", "kg m^2", 4.0, 0.1});
+  EXPECT_EQ(lines().at(0), "Friction of elbow: 30 N m at 0.02 rad/s, 30 at 0.2, 30 at 2.");
+}
+
 }  // namespace
 }  // namespace graybox
