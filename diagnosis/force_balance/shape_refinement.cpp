@@ -271,12 +271,14 @@ bool refine_new(const RefinedLaw& law, std::vector<ProjectedLaw>& laws, std::siz
     return std::pair(square, laws[own].law().parameters);
   };
   std::vector<std::pair<double, std::vector<double>>> ends;
+  // A load changes all of a robot's own parameters: few steps say nothing.
+  const bool sifts = starts.size() > 1 && law.law.entry->use != LawUse::kPayload;
   for (const std::vector<double>& start : starts) {
-    ends.push_back(refined_from(start, starts.size() > 1 ? kFirstSteps : kOwnSteps));
+    ends.push_back(refined_from(start, sifts ? kFirstSteps : kOwnSteps));
   }
   const double first = std::ranges::min(ends | std::views::keys);
   for (auto& end : ends) {
-    if (starts.size() > 1 && end.first < kHopeful * first) {
+    if (sifts && end.first < kHopeful * first) {
       end = refined_from(std::vector<double>(end.second), kOwnSteps);
     }
   }

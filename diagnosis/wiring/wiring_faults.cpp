@@ -35,6 +35,23 @@ constexpr double kSmallestGain = 0.8;  // of the error, by the other sign
 constexpr double kSmallestFactor = 3.0;
 constexpr int kMostFaults = 4;
 
+// On a way that has no back a load does what friction of the other sign would.
+bool goes_both_ways(std::span<const Motion> pieces, Index motion) {
+  constexpr double kBack = 0.02;  // of the velocity's squares
+  double forwards = 0.0, backwards = 0.0;
+  for (const Motion& piece : pieces) {
+    const Eigen::ArrayXd velocity = piece.velocity.col(motion).array();
+    forwards += velocity.max(0.0).square().sum();
+    backwards += velocity.min(0.0).square().sum();
+  }
+  return std::min(forwards, backwards) >= kBack * (forwards + backwards);
+}
+
+bool has_own_motor(const RigidRobotModel& robot, Index j) {
+  const Eigen::MatrixXd& n = robot.transmission;
+  return (n.row(j).array() != 0.0).count() == 1 && (n.col(j).array() != 0.0).count() == 1;
+}
+
 class Detective {
  public:
   Detective(const RigidRobotModel& robot, std::span<const Motion> pieces,
@@ -125,7 +142,7 @@ class Detective {
   // A missing spring may turn a force that is known round. Friction it does not.
   [[nodiscard]] bool gains_energy(const Suspicion& suspicion) {
     return std::ranges::any_of(suspicion.touched, [&](Index j) {
-      return has_own_motor(j) && friction_over_error(suspicion.wiring, j) < -kErrors;
+      return has_own_motor(robot_, j) && friction_over_error(suspicion.wiring, j) < -kErrors;
     });
   }
 
@@ -272,29 +289,12 @@ class Detective {
   // Whether it moves against its force: of inertia and friction neither can be negative. Joints
   // that share motors share these, too, and are passed over.
   [[nodiscard]] bool drives_itself(Index j) {
-    if (!has_own_motor(j) || !goes_both_ways(wiring_.motion[at(j)]) ||
+    if (!has_own_motor(robot_, j) || !goes_both_ways(pieces_, wiring_.motion[at(j)]) ||
         !(friction_over_error(wiring_, j) < -kErrors))
       return false;
     const WiredFit now = balance_.fit(wiring_);
     return balance_.inertia(wiring_, now, j) < 0.0 ||
            balance_.fit(other_force_sign(j)).error(j) < kSmallestGain * now.error(j);
-  }
-
-  // On a way that has no back a load does what friction of the other sign would.
-  [[nodiscard]] bool goes_both_ways(Index motion) const {
-    constexpr double kBack = 0.02;  // of the velocity's squares
-    double forwards = 0.0, backwards = 0.0;
-    for (const Motion& piece : pieces_) {
-      const Eigen::ArrayXd velocity = piece.velocity.col(motion).array();
-      forwards += velocity.max(0.0).square().sum();
-      backwards += velocity.min(0.0).square().sum();
-    }
-    return std::min(forwards, backwards) >= kBack * (forwards + backwards);
-  }
-
-  [[nodiscard]] bool has_own_motor(Index j) const {
-    const Eigen::MatrixXd& n = robot_.transmission;
-    return (n.row(j).array() != 0.0).count() == 1 && (n.col(j).array() != 0.0).count() == 1;
   }
 
   // Jackknife error.

@@ -1,4 +1,5 @@
 // graybox solve, check, solvers and design criteria with --criterion: what users see.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -144,7 +145,14 @@ TEST_F(CriterionCommand, FloorsAreKeptAndChecked) {
   forged["floors"][0]["multiplier"] = 0.0;
   write_text(folder_.file("forged.json"), forged.dump());
   EXPECT_EQ(graybox("check set.h5 forged.json").exit_code, 1);
-  expect_refused("solve set.h5 --floor E=0.9", "criterion E can't be combined with floors");
+  for (const char* const sharp : {"E", "G"}) {
+    const Outcome kept =
+        graybox(fmt::format("solve set.h5 --floor {}=0.95 --json -o sharp.json", sharp));
+    ASSERT_EQ(kept.exit_code, 0) << sharp << kept.err << kept.out;
+    EXPECT_GE(Json::parse(kept.out)["floors"][0]["efficiency"].get<double>(), 0.95) << sharp;
+    EXPECT_EQ(graybox("check set.h5 sharp.json").exit_code, 0) << sharp;
+  }
+  expect_refused("solve set.h5 --floor E=0.99,G=0.99", "contradict");
   expect_refused("solve set.h5 --floor A=1.5", "between 0 and 1");
   expect_refused("solve set.h5 --floor A", "'A' is no criterion=share");
   expect_refused("solve set.h5 --floor A=0.9 --stock 1 --experiments 3",
