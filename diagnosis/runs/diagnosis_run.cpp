@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <functional>
 #include <iterator>
@@ -298,6 +299,77 @@ void leave_out_rotors(const DiagnosisRequest& request, const Campaign& campaign,
   answer.diagnosis = std::move(diagnosis);
 }
 
+// Of the force, on recordings kept out where there are any.
+double error_of(const Diagnosis& diagnosis) {
+  return diagnosis.validation_after ? diagnosis.validation_after->nrmse
+                                    : diagnosis.after.estimation.nrmse;
+}
+
+// The damping of the drive's model that came out below zero beside dry friction; none: it did not.
+std::optional<std::size_t> negative_damping(const RigidRobotModel& drive,
+                                            const DiagnosisAnswer& answer) {
+  constexpr std::array<std::string_view, 4> kDry{"coulomb", "asymmetric_coulomb", "stribeck",
+                                                 "sublinear_friction"};
+  const bool has_dry_friction =
+      std::ranges::any_of(answer.diagnosis.after.laws, [&](const FittedLaw& law) {
+        return std::ranges::count(kDry, answer.hypotheses()[law.hypothesis].law) > 0;
+      });
+  for (std::size_t i = 0; has_dry_friction && i < drive.elements.size(); ++i) {
+    const bool is_negative =
+        std::ranges::any_of(answer.diagnosis.implausible, [&](const Implausibility& flaw) {
+          return flaw.value < 0.0 && flaw.quantity == drive.elements[i].name + ".damping";
+        });
+    if (is_negative && drive.elements[i].law_name == "viscous") return i;
+  }
+  return {};
+}
+
+void leave_out_element(RigidRobotModel& robot, std::size_t element) {
+  robot.elements.erase(robot.elements.begin() + static_cast<std::ptrdiff_t>(element));
+  for (std::vector<ElementParameter>* list : {&robot.known, &robot.refined}) {
+    std::erase_if(*list, [&](const ElementParameter& each) { return each.element == element; });
+    for (ElementParameter& each : *list) each.element -= each.element > element ? 1 : 0;
+  }
+}
+
+// At about one speed damping and dry friction are one number, and the fit may split it into a
+// damping below zero and a friction that is too large. Where the model does about as well without
+// its damping, that is held at zero.
+void leave_out_negative_damping(const DiagnosisRequest& request, const Campaign& campaign,
+                                const RigidRobotModel& drive, DiagnosisAnswer& answer) {
+  constexpr double kAsWell = 1.5, kSmall = 15.0;  // of the error; % of the force
+  const std::optional<std::size_t> damping = negative_damping(drive, answer);
+  if (!damping || stop_requested()) return;
+  RigidRobotModel undamped = drive;
+  const std::string name = drive.elements[*damping].name + ".damping";
+  leave_out_element(undamped, *damping);
+  std::unique_ptr<MismatchProblem> problem = load(request, campaign, &undamped);
+  if (!problem) return;
+  Diagnosis diagnosis = diagnose(*problem, request.search);
+  const double before = error_of(answer.diagnosis), after = error_of(diagnosis);
+  const bool does_as_well = after <= kAsWell * before && after <= std::max(kSmall, before);
+  if (diagnosis.interrupted || diagnosis.effects.empty() || !does_as_well ||
+      excluding(diagnosis.implausible) > 0) {
+    return;
+  }
+  const auto keep = [&](const ExtendedFit& from, ExtendedFit& to, bool is_held) {
+    for (LawParameterEstimate estimate : from.model_parameters) {
+      if (estimate.name != name) continue;
+      if (is_held) estimate.value = 0.0;
+      estimate.standard_error = std::numeric_limits<double>::quiet_NaN();
+      to.model_parameters.push_back(std::move(estimate));
+    }
+  };
+  keep(answer.diagnosis.before, diagnosis.before, false);
+  keep(answer.diagnosis.after, diagnosis.after, true);
+  diagnosis.assumptions.push_back(fmt::format(
+      "{} was held at zero: fitted, it comes out below zero beside dry friction. The error is "
+      "{:.3g} % so, and {:.3g} % with it. At about one speed the two are one number.",
+      name, after, before));
+  answer.problem = std::move(problem);
+  answer.diagnosis = std::move(diagnosis);
+}
+
 // `drive`, if not null: a lumped model as the force balance of its one mass.
 DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& campaign,
                                   const RigidRobotModel* drive = nullptr) {
@@ -313,6 +385,7 @@ DiagnosisAnswer answer_by_problem(DiagnosisRequest& request, const Campaign& cam
   }
   answer.diagnosis = diagnose(*answer.problem, request.search);
   leave_out_rotors(request, campaign, answer);
+  if (drive != nullptr) leave_out_negative_damping(request, campaign, *drive, answer);
   return answer;
 }
 
@@ -326,12 +399,6 @@ bool is_all_friction(const DiagnosisAnswer& answer) {
            physics.laws[quantity.law].carried > 0.0 &&
            quantity.value > kAll * physics.laws[quantity.law].carried;
   });
-}
-
-// Of the force, on recordings kept out where there are any.
-double error_of(const Diagnosis& diagnosis) {
-  return diagnosis.validation_after ? diagnosis.validation_after->nrmse
-                                    : diagnosis.after.estimation.nrmse;
 }
 
 // A second look that came to no end: what it would have found is not known.

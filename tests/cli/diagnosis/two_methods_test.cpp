@@ -204,5 +204,37 @@ TEST_F(TwoMethods, ARealSpringThatHardensIsNoClearance) {
   EXPECT_EQ(law(found, "dead_zone"), nullptr);
 }
 
+// An arm that turns there and back at one speed: damping and dry friction are one number. Friction
+// that is larger while it starts asks for a damping below zero, which no bearing has.
+TEST_F(TwoMethods, DampingBesideDryFrictionIsNeverBelowZero) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  std::ostringstream rows;
+  rows << "torque,angle\n";
+  constexpr double kStep = 0.01, kWay = 2.0 * 3.14159265358979 / 14.0;
+  double q = -1.2;
+  for (int k = 0; k < 4200; ++k) {
+    const double bent = std::tanh(12.0 * std::sin(kWay * k * kStep));
+    const double v = 0.35 * bent;
+    const double a = 0.35 * (1.0 - bent * bent) * 12.0 * kWay * std::cos(kWay * k * kStep);
+    const double friction = std::copysign(13.0 + 4.0 * std::exp(-std::abs(v) / 0.1), v);
+    rows << a + friction + 38.0 * std::sin(q) + 0.4 * normal(random) << ','
+         << q + 1e-5 * normal(random) << '\n';
+    q += kStep * v;
+  }
+  write_text(folder_.file("log.csv"), rows.str());
+  write_axis(1.0, 1.0, true,
+             "  - {file: log.csv, segments: [[0, 1399], [2800, 4199]]}\n"
+             "  - {file: log.csv, segments: [[1400, 2799]], role: validation}\n");
+  const Json found = diagnosis("--method force_balance");
+  for (const Json& parameter : found["parameters"]) {
+    EXPECT_GE(parameter["after"].get<double>(), 0.0) << parameter["name"];
+  }
+  ASSERT_NE(law(found, "coulomb"), nullptr) << found["words"].dump(1);
+  EXPECT_NEAR((*law(found, "coulomb"))["parameters"]["level"]["value"].get<double>(), 13.1, 0.5);
+  EXPECT_NE(found["words"].dump().find("bearing.damping was held at zero"), std::string::npos)
+      << found["words"].dump(1);
+}
+
 }  // namespace
 }  // namespace graybox
