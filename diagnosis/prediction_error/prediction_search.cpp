@@ -8,7 +8,7 @@
 #include <set>
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
-#include "diagnosis/prediction_error/friction_group.hpp"
+#include "diagnosis/prediction_error/law_groups.hpp"
 #include "diagnosis/prediction_error/search_start.hpp"
 #include "diagnosis/prediction_error/unsigned_outputs.hpp"
 #include "diagnosis/predictor/residual_whitener.hpp"
@@ -426,8 +426,9 @@ bool PredictionSearch::add_law(State& state) {
   return true;
 }
 
-// What decays acts in few blocks, and z is small however much is taken. Plain laws need not be
-// surer than one that few machines have.
+// Whether a group of plain laws takes the place of the best single law. What decays acts in few
+// blocks: z is small there, however much is taken. And plain laws need not be surer than one law
+// that few machines have.
 bool PredictionSearch::is_group_better(const State& state, const PredictionFit& best_single,
                                        const PredictionFit& group) const {
   constexpr double kNoWorse = -1.0;  // z

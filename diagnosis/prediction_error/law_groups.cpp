@@ -1,4 +1,4 @@
-#include "diagnosis/prediction_error/friction_group.hpp"
+#include "diagnosis/prediction_error/law_groups.hpp"
 
 #include <algorithm>
 #include <map>
