@@ -59,7 +59,9 @@ class Diagnose(InFolder):
         verdict = graybox.diagnose(MOTOR, recordings())
         self.assertEqual(set(os.listdir(".")), here)
         new = set(os.listdir(tempfile.gettempdir())) - there
-        self.assertFalse([each for each in new if each.startswith("graybox_")])
+        ours = [each for each in new if each.startswith("graybox_")]
+        # Folders of other tests that run beside this one come and go.
+        self.assertFalse([each for each in ours if not each.startswith("graybox_test.")])
         by_files = graybox.diagnose(MODEL, DRIVE)
         self.assertEqual(verdict.physics, by_files.physics)
         self.assertEqual(verdict.fit, by_files.fit)
