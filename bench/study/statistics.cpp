@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Of all values, infinite ones among them, the share that is at most each of the finite ones.
+// The share of all values, infinite ones among them, that is at most each of the finite ones.
 template <typename Step>
 std::vector<Step> shares_up_to(std::vector<double> values) {
   std::ranges::sort(values);

@@ -142,8 +142,8 @@ class RateComparison {
                                    velocity_->name));
   }
 
-  // Of a speed that hardly changes, noise, jitter of the stamps and a small lateness leave only the
-  // mean: where the way over the time is the mean velocity, nothing contradicts.
+  // Noise, jitter of the stamps and a small lateness leave only the mean of a speed that hardly
+  // changes. Where the way over the time is the mean velocity, nothing contradicts.
   void compare_means(const Eigen::VectorXd& place) {
     constexpr double kNearlyConstant = 0.3;  // deviation over the mean
     const Eigen::Index n = place.size();
@@ -162,8 +162,8 @@ class RateComparison {
         fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
   }
 
-  // Of a sample time that the user stated: that with which both agree comes before all else that a
-  // ratio may mean.
+  // The sample time with which both agree, where the user stated one: a wrong guess of his comes
+  // before all else that a ratio may mean.
   [[nodiscard]] std::string by_sample_time() const {
     if (!context_.step_is_stated || !fit_ || !(fit_->factor > 0.0)) return "";
     const Unit *place = find_unit(position_->words.unit), *speed = find_unit(velocity_->words.unit);

@@ -29,7 +29,7 @@ struct Section {
   struct State {
     double s1, s2;
   };
-  // Of a signal that has always been `value`.
+  // The state after a signal that has always been `value`.
   [[nodiscard]] State at_rest(double value) const {
     const double s2 = (b2 - a2) * value;
     return {(b1 - a1) * value + s2, s2};

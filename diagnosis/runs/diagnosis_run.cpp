@@ -299,7 +299,7 @@ void leave_out_rotors(const DiagnosisRequest& request, const Campaign& campaign,
   answer.diagnosis = std::move(diagnosis);
 }
 
-// Of the force, on recordings kept out where there are any.
+// What the balance leaves, in % of the force: on recordings kept out where there are any.
 double error_of(const Diagnosis& diagnosis) {
   return diagnosis.validation_after ? diagnosis.validation_after->nrmse
                                     : diagnosis.after.estimation.nrmse;

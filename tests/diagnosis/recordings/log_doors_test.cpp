@@ -453,7 +453,7 @@ TEST_F(LogDoors, AMeasuredCurrentGoesOnBetweenSamples) {
 
 // ---- speeds and places --------------------------------------------------------------------------
 
-// Of a speed that hardly changes only the mean is compared.
+// Only the mean of a speed that hardly changes is compared.
 TEST_F(LogDoors, ASteadySpeedIsComparedByItsMean) {
   constexpr Index kSamples = 400;
   for (const double share : {1.0, 0.6}) {
