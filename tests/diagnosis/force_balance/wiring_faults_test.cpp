@@ -342,8 +342,8 @@ TEST(WiringFaults, AreThoseOfTheMotorsWhereMotorsAreRecorded) {
   }
 }
 
-// Of a carriage alone the sign is told by friction, and a spring is no fault.
-TEST(WiringFaults, OfASingleAxisAreItsSign) {
+// One axis along which nothing but a carriage moves.
+RigidRobotModel carriage_alone() {
   const testing::TemporaryFolder folder;
   testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
 gravity: [0, 0, -9.81]
@@ -352,7 +352,12 @@ joints:
   - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
 channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
 )");
-  const RigidRobotModel drive = load_rigid_robot(folder.file("drive.yaml"));
+  return load_rigid_robot(folder.file("drive.yaml"));
+}
+
+// Friction alone tells the sign of a carriage, and a spring is no fault.
+TEST(WiringFaults, OfASingleAxisAreItsSign) {
+  const RigidRobotModel drive = carriage_alone();
   const RecordedArm arm(10);
   for (const double stiffness : {0.0, 30.0}) {
     for (const double sign : {1.0, -1.0}) {
@@ -527,15 +532,7 @@ TEST_F(RewiredRecordings, AreTold) {
 
 // A load that pushes an axis which goes one way feeds it as friction of the other sign would.
 TEST(WiringFaults, OfAWayWithoutBackAreNotTold) {
-  const testing::TemporaryFolder folder;
-  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
-)");
-  const RigidRobotModel drive = load_rigid_robot(folder.file("drive.yaml"));
+  const RigidRobotModel drive = carriage_alone();
   constexpr Index kSamples = 1000;
   for (const bool comes_back : {false, true}) {
     Random random(5);
