@@ -35,7 +35,9 @@ using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
-constexpr Eigen::Index kSearchedSamples = 8000;  // for the search; the final fit takes all
+// The final fit takes all samples where thinning would drop anything that matters.
+constexpr SampleLimit kSearched{.most = 8000, .dropped = 0.3, .may_cut = true};
+constexpr SampleLimit kFitted{.most = 8000, .dropped = 0.1, .may_cut = false};
 
 Assessment assessment(const VectorXd& error, const VectorXd& scale, const VectorXd& noise,
                       double samples) {
@@ -479,7 +481,7 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   }
   Campaign changed = campaign;
   changed.hold = InputHold::kFirst;
-  PredictionData other(stated, changed, threads);
+  PredictionData other(stated, changed, threads, kFitted);
   other.limit_noise(data.noise());
   HoldComparison both;
   const ExtendedLumpedModel model = without_fillers(final.found().fit.model);
@@ -554,9 +556,9 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
                                      std::optional<HoldComparison>* other) {
   require_lumped(model);
   LumpedModel stated = load_lumped_model(model);
-  PredictionData data(stated, campaign, threads);
+  PredictionData data(stated, campaign, threads, kFitted);
   const std::string held = hold_scale(data, stated);
-  PredictionData searched(stated, campaign, threads, kSearchedSamples);
+  PredictionData searched(stated, campaign, threads, kSearched);
   require_windows(stated, searched, campaign);
   const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
   PredictionSearchOptions search_options;

@@ -21,7 +21,6 @@ constexpr Index kFewestCounted = 10;   // windows
 constexpr double kLeastNoise = 1e-7;   // of an output's scale
 constexpr double kLargestPhase = 0.5;  // rad a step, of the fastest mode of the stated model
 constexpr int kMostSteps = 16;
-constexpr double kDropped = 0.3;       // of the inputs' rms, by thinning
 constexpr double kThinnedPhase = 0.3;  // rad a thinned sample
 
 // Windows that stand from their first sample to their last.
@@ -87,6 +86,12 @@ Eigen::VectorXd clear_rate(const Eigen::VectorXd& values, int order, double nois
   return {};
 }
 
+// Where no rate stands out from noise: what is left of its mean takes the whole recording to change.
+Eigen::VectorXd rate_in_all(const Eigen::VectorXd& values, int order, double sample_time) {
+  const double duration = sample_time * static_cast<double>(values.size());
+  return (values.array() - (order == 0 ? 0.0 : values.mean())) / std::pow(duration, order);
+}
+
 // The largest position that was recorded.
 double reach_of(const LumpedModel& model, std::span<const OutputErrorRecording> recordings) {
   double reach = 0.0;
@@ -137,31 +142,35 @@ double encoder_step(const Eigen::Ref<const Eigen::VectorXd>& values) {
                                                                                        : 0.0;
 }
 
-Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, Index factor) {
+// Over each `factor` samples from one on, as the inputs are held, or go evenly, between them.
+Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, InputHold hold, Index factor) {
   const Index count = values.rows() / factor;
   Eigen::MatrixXd means(count, values.cols());
   for (Index k = 0; k < count; ++k) {
-    means.row(k) = values.middleRows(k * factor, factor).colwise().mean();
+    const Index first = k * factor, next = std::min(first + factor, values.rows() - 1);
+    means.row(k) = values.middleRows(first, factor).colwise().mean();
+    if (hold != InputHold::kFirst) continue;
+    means.row(k) += (values.row(next) - values.row(first)) / (2.0 * static_cast<double>(factor));
   }
   return means;
 }
 
-// Whether the inputs hardly change within `factor` samples: by at most kDropped of their rms.
-bool changes_slowly(const OutputErrorData& data, Index factor) {
+// Whether the inputs change within `factor` samples by at most `most` of their rms.
+bool changes_slowly(const OutputErrorData& data, Index factor, double most) {
   double dropped = 0.0, all = 0.0;
   for (const OutputErrorRecording& recording : data.recordings) {
-    const Eigen::MatrixXd means = block_means(recording.inputs, factor);
+    const Eigen::MatrixXd means = block_means(recording.inputs, data.hold, factor);
     for (Index k = 0; k < means.rows() * factor; ++k) {
       dropped += (recording.inputs.row(k) - means.row(k / factor)).squaredNorm();
       all += recording.inputs.row(k).squaredNorm();
     }
   }
-  return dropped <= kDropped * kDropped * all;
+  return dropped <= most * most * all;
 }
 
-void thin(Index factor, OutputErrorRecording& recording) {
+void thin(Index factor, InputHold hold, OutputErrorRecording& recording) {
   const Index count = recording.outputs.rows() / factor;
-  recording.inputs = block_means(recording.inputs, factor);
+  recording.inputs = block_means(recording.inputs, hold, factor);
   recording.outputs =
       Eigen::MatrixXd(recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));
   recording.time = Eigen::VectorXd(recording.time(Eigen::seqN(0, count, factor)));
@@ -182,7 +191,9 @@ void cut(Index most, OutputErrorData& data) {
   });
 }
 
-OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index most) {
+// The means are held from one thinned sample to the next.
+OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, const SampleLimit& limit) {
+  const Index most = limit.most;
   Index samples = 0;
   for (const OutputErrorRecording& recording : data.recordings) {
     if (recording.role == ExperimentRole::kEstimation) samples += recording.time.size();
@@ -190,15 +201,16 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, Index mo
   if (most == 0 || samples <= most) return data;
   const double phase =
       fastest_mode(model, data.recordings) * sample_time_of(data.recordings.front());
-  for (Index factor = (samples + most - 1) / most; factor > 1; --factor) {
-    const bool may = data.hold == InputHold::kZero &&
-                     phase * static_cast<double>(factor) < kThinnedPhase &&
-                     changes_slowly(data, factor);
+  const bool may_thin = data.hold != InputHold::kBandLimited && !model.has_imposed_motion();
+  for (Index factor = may_thin ? (samples + most - 1) / most : 1; factor > 1; --factor) {
+    const bool may = phase * static_cast<double>(factor) < kThinnedPhase &&
+                     changes_slowly(data, factor, limit.dropped);
     if (!may) continue;
-    for (OutputErrorRecording& recording : data.recordings) thin(factor, recording);
+    for (OutputErrorRecording& recording : data.recordings) thin(factor, data.hold, recording);
+    data.hold = InputHold::kZero;
     break;
   }
-  cut(most, data);
+  if (limit.may_cut) cut(most, data);
   return data;
 }
 
@@ -308,8 +320,8 @@ BlockEdges PredictionTask::edges(Index outputs, Index most_blocks) const {
 }
 
 PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
-                               Index most_samples)
-    : PredictionData(model, reduced(model, even_data(model, campaign), most_samples), threads) {}
+                               const SampleLimit& limit)
+    : PredictionData(model, reduced(model, even_data(model, campaign), limit), threads) {}
 
 PredictionData PredictionData::with_reversed(const LumpedModel& model,
                                              const std::vector<bool>& reversed, int threads) const {
@@ -379,16 +391,19 @@ void PredictionData::measure_inertial_force(const LumpedModel& model) {
                       : output.quantity == LumpedOutput::Quantity::kVelocity ? 1
                                                                              : 0;
     const double mass = model.masses(output.mass);
-    double own = 0.0, samples = 0.0;
+    double own = 0.0, samples = 0.0, faint = 0.0;
     for (const OutputErrorRecording& recording : recordings()) {
-      const Eigen::VectorXd rate = clear_rate(recording.outputs.col(static_cast<Index>(j)), order,
-                                              noise_(static_cast<Index>(j)), sample_time_);
+      const auto values = recording.outputs.col(static_cast<Index>(j));
+      const Eigen::VectorXd rate =
+          clear_rate(values, order, noise_(static_cast<Index>(j)), sample_time_);
+      faint = std::max(faint, rate_in_all(values, order, sample_time_).squaredNorm() /
+                                  static_cast<double>(values.size()));
       if (rate.size() == 0) continue;
       own += (mass * rate).squaredNorm();
       samples += static_cast<double>(rate.size());
       largest_force_ = std::fmax(largest_force_, mass * rate.cwiseAbs().maxCoeff());
     }
-    if (samples > 0.0) squares = std::max(squares, own / samples);
+    squares = std::max(squares, samples > 0.0 ? own / samples : mass * mass * faint);
   }
   if (squares > 0.0) force_scale_ = std::sqrt(squares);
 }

@@ -56,14 +56,21 @@ struct PredictionTask {
 inline constexpr Eigen::Index kFewestHorizonWindows = 10;                // of a horizon
 inline constexpr Eigen::Index kFirstHorizon = 10, kShortestHorizon = 3;  // samples
 
+// How many samples of the estimation recordings are wanted. More are thinned: every f-th sample of
+// the outputs, and held between them the mean of what the inputs were. So nothing is lost of a
+// force but its course within a thinned sample. That must be small, and the model's fastest mode
+// slow. Recordings with inputs that are band-limited, or with imposed motion, are not thinned.
+struct SampleLimit {
+  Eigen::Index most = 0;  // 0: all samples
+  double dropped = 0.3;   // of the inputs' rms may go with their course
+  bool may_cut = true;    // what can't be thinned is cut to its first samples
+};
+
 class PredictionData {
  public:
-  // `most_samples` for the fit (0: all). More are thinned: every f-th sample of the outputs, the
-  // mean of the inputs between, where the inputs hold, the model's fastest mode lets it, and what
-  // is dropped of the inputs is small; else cut to the first. Throws InputError for what
-  // load_output_error_data refuses and for times that are not even.
+  // Throws InputError for what load_output_error_data refuses and for times that are not even.
   PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
-                 Eigen::Index most_samples = 0);
+                 const SampleLimit& limit = {});
 
   // The same with these outputs of the opposite sign.
   [[nodiscard]] PredictionData with_reversed(const LumpedModel& model,
