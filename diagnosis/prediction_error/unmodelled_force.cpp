@@ -91,6 +91,13 @@ std::optional<Index> UnmodelledForce::foreseeable(double share) const {
   return longest;
 }
 
+double UnmodelledForce::unexpected_in_the_end() const {
+  if (whole_.error.size() == 0) return 0.0;
+  const Eigen::ArrayXd share = whole_.error.array() / output_scale_.array();
+  const auto is_expected = whole_.error.array() <= kNoiseMultiple * whole_.by_rest.array();
+  return is_expected.select(0.0, share).maxCoeff();
+}
+
 bool UnmodelledForce::is_foreseeable_to_the_end(double share) const {
   return costs_at_most(share, whole_);
 }

@@ -48,6 +48,9 @@ class UnmodelledForce {
   // The longest horizon at which the remaining force costs at most `share` of each output's signal;
   // none: not even the shortest.
   [[nodiscard]] std::optional<Eigen::Index> foreseeable(double share) const;
+  // The largest error over the whole of the shortest recording, of an output's signal, that is more
+  // than noise and force leave there; 0: none is.
+  [[nodiscard]] double unexpected_in_the_end() const;
   // Whether it costs no more over the whole of the shortest recording.
   [[nodiscard]] bool is_foreseeable_to_the_end(double share) const;
 

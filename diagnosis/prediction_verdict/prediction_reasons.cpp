@@ -28,6 +28,7 @@ constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what i
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kNotSmall = 5.0;                          // % of the signal
 constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
+constexpr double kWholeLimit = 50.0;  // % of the signal
 constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
 constexpr double kStructureLimit = 3.0;  // % of the forces that act
@@ -300,6 +301,11 @@ std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
   if (!from_.final->found().held_out_error && !has_stated_noise()) {
     list.push_back(nothing_kept_out(Verdict::kUnknown));
   }
+  // Over so short windows anything is foretold.
+  const double left = 100.0 * from_.final->rest().unexpected_in_the_end();
+  list.push_back(test("error over a whole recording, beyond what noise leaves, % of the signal",
+                      left, kWholeLimit, left <= kWholeLimit,
+                      "record longer: what is missing shows only in time, and no law was told"));
   if (std::ranges::any_of(list, has_failed)) return list;
   list.push_back(test("something is missing", {}, 0.0, false,
                       "nothing: the model as it is will do for motion like the recorded one",
