@@ -21,11 +21,15 @@ void append_position_covariates(const VectorXd& position, std::vector<TrendCovar
 }
 
 void append_rate_covariates(const VectorXd& rate, std::vector<TrendCovariate>& covariates) {
-  constexpr double kSlow = 0.3;  // of the rms
+  constexpr double kSlow = 0.3;      // of the rms
+  constexpr double kBothWays = 0.05;  // of the squared velocity, in the direction that has less
   const double scale = kSlow * std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
   if (!(scale > 0.0)) return;
   const Eigen::ArrayXd share = rate.array() / scale;
   covariates.push_back({LawTrend::On::kSpeed, (-share.abs()).exp().matrix()});
+  const double backward = share.min(0.0).matrix().squaredNorm();
+  const double all = share.matrix().squaredNorm();
+  if (std::min(backward, all - backward) < kBothWays * all) return;
   covariates.push_back({LawTrend::On::kDirection, (0.5 * share.tanh()).matrix()});
 }
 

@@ -33,7 +33,7 @@ struct TrendCovariate {
 // A line and a wave over the way that was gone; none where nothing moves.
 void append_position_covariates(const Eigen::VectorXd& position,
                                 std::vector<TrendCovariate>& covariates);
-// Slow or fast, there or back.
+// Slow or fast; there or back, where it moves both ways.
 void append_rate_covariates(const Eigen::VectorXd& rate, std::vector<TrendCovariate>& covariates);
 
 // Time within a recording, over the longest recording's length: -1/2 ... 1/2 at most. A value for
