@@ -686,7 +686,8 @@ bool FinalFit::take_plainer_laws() {
   bool has_changed = false;
   for (std::size_t l = 0; l < found_.fit.model.laws.size();) {
     const bool is_plainer = take_plainer_law(l) || take_steep_friction(l) ||
-                            take_friction_for_dead_drive(l) || take_rival_that_holds(l);
+                            take_friction_for_dead_drive(l) || take_rival_that_holds(l) ||
+                            take_weight_for_spring(l);
     has_changed |= is_plainer;
     l = is_plainer ? 0 : l + 1;
   }
@@ -929,6 +930,27 @@ bool FinalFit::take_rival_that_holds(std::size_t law) {
   return best.has_value();
 }
 
+JudgedModel FinalFit::weight_in_place_of(std::size_t law) const {
+  const ExtendedLumpedModel& model = found_.fit.model;
+  const std::size_t part = model.laws[law].part;
+  const std::string& name = model.model.parts[part].law_name;
+  if (name != "stiffness" && name != "cubic_spring" && name != "dead_zone") return {};
+  const auto weight = hypotheses_->weight_like(model, part, motion());
+  if (!weight) return {};
+  return judged(extended(without_part(model, part), *weight, 1.0), kIterations);
+}
+
+// Over a part of its turn a weight pulls back as a spring does. Every arm has a weight.
+bool FinalFit::take_weight_for_spring(std::size_t law) {
+  JudgedModel weight = weight_in_place_of(law);
+  if (!weight.fit.usable) return false;
+  if (z_over(weight) >= kMissed && !predicts_further(weight)) return false;
+  accepted_as_[weight.fit.model.laws.back().hypothesis] =
+      accepted_as(found_.fit.model.laws[law].hypothesis);
+  found_ = std::move(weight);
+  return true;
+}
+
 JudgedModel FinalFit::best_of_starts(const ExtendedLumpedModel& model, std::size_t hypothesis,
                                      std::optional<std::size_t> replaced) const {
   constexpr double kStart = 0.1;       // of what acts at all
@@ -983,11 +1005,5 @@ JudgedModel FinalFit::without(std::size_t law) const {
   judge_held_out(result);
   return result;
 }
-
-double FinalFit::z_over(const JudgedModel& poorer) const {
-  return z_between(poorer.fit, found_.fit);
-}
-
-MatrixXd FinalFit::motion() const { return fitter(task_).motion(found_.fit); }
 
 }  // namespace graybox

@@ -68,6 +68,8 @@ class FinalFit {
   [[nodiscard]] JudgedModel with_law(const JudgedModel& poorer, std::size_t hypothesis) const;
   // The model found with one law more, and its standard errors; unusable without any start.
   [[nodiscard]] JudgedModel beside(std::size_t hypothesis) const;
+  // The model refitted with a weight in place of a spring; unusable where none can be.
+  [[nodiscard]] JudgedModel weight_in_place_of(std::size_t law) const;
   // Hypotheses that may be one with this law in what is measured.
   [[nodiscard]] std::vector<std::size_t> elsewhere(std::size_t hypothesis) const;
   [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }
@@ -99,8 +101,10 @@ class FinalFit {
   // What changes most surely of each law; none where all windows are whole recordings.
   [[nodiscard]] std::vector<LawTrend> trends() const;
   // z of the model found over another, by blocks left out.
-  [[nodiscard]] double z_over(const JudgedModel& poorer) const;
-  [[nodiscard]] Eigen::MatrixXd motion() const;
+  [[nodiscard]] double z_over(const JudgedModel& poorer) const {
+    return z_between(poorer.fit, found_.fit);
+  }
+  [[nodiscard]] Eigen::MatrixXd motion() const { return fitter(task_).motion(found_.fit); }
   // Along time, those of recordings kept out first: by the predictions that its errors are of.
   [[nodiscard]] std::vector<ResidualCurve> curves(const JudgedModel& model) const;
   // The law that the search accepted where this one stands: itself, or one that contains it.
@@ -167,6 +171,7 @@ class FinalFit {
   bool take_steep_friction(std::size_t law);
   bool take_friction_for_dead_drive(std::size_t law);
   bool take_rival_that_holds(std::size_t law);
+  bool take_weight_for_spring(std::size_t law);
   [[nodiscard]] bool predicts_further(JudgedModel& plainer) const;
   void add_short_ripples();
   [[nodiscard]] std::optional<ExtendedLumpedModel> with_ripple(const LatentForce& force) const;

@@ -18,6 +18,23 @@ std::optional<Eigen::Index> free_mass_of(const LawExtension& law, const LumpedMo
   return mass;
 }
 
+// By free mass that has neither of two laws, both.
+std::vector<std::vector<LawExtension>> pairs_of(const std::string& first, const std::string& second,
+                                                const std::vector<LawExtension>& extensions,
+                                                const LumpedModel& model) {
+  std::map<Eigen::Index, std::map<std::string, LawExtension>> found;  // by mass, by law
+  for (const LawExtension& law : extensions) {
+    if (law.law != first && law.law != second) continue;
+    if (law.location.driver >= 0 || law.replaces) continue;
+    if (const auto mass = free_mass_of(law, model)) found[*mass].emplace(law.law, law);
+  }
+  std::vector<std::vector<LawExtension>> groups;
+  for (const auto& [mass, laws] : found) {
+    if (laws.size() == 2) groups.push_back({laws.at(first), laws.at(second)});
+  }
+  return groups;
+}
+
 }  // namespace
 
 std::vector<LawExtension> friction_group(const std::vector<LawExtension>& extensions,
@@ -34,19 +51,17 @@ std::vector<LawExtension> friction_group(const std::vector<LawExtension>& extens
   return group;
 }
 
+std::vector<std::vector<LawExtension>> dragged_friction(const std::vector<LawExtension>& extensions,
+                                                        const LumpedModel& model) {
+  std::vector<std::vector<LawExtension>> groups =
+      pairs_of("coulomb", "quadratic_drag", extensions, model);
+  if (groups.size() > 1) groups.clear();  // drag at motor and load imitates their spring
+  return groups;
+}
+
 std::vector<std::vector<LawExtension>> resting_springs(const std::vector<LawExtension>& extensions,
                                                        const LumpedModel& model) {
-  std::map<Eigen::Index, std::map<std::string, LawExtension>> found;  // by mass, by law
-  for (const LawExtension& law : extensions) {
-    if (law.law != "stiffness" && law.law != "offset") continue;
-    if (law.location.driver >= 0 || law.replaces) continue;
-    if (const auto mass = free_mass_of(law, model)) found[*mass].emplace(law.law, law);
-  }
-  std::vector<std::vector<LawExtension>> groups;
-  for (const auto& [mass, laws] : found) {
-    if (laws.size() == 2) groups.push_back({laws.at("stiffness"), laws.at("offset")});
-  }
-  return groups;
+  return pairs_of("stiffness", "offset", extensions, model);
 }
 
 bool swings_about_rest(const ExtendedLumpedModel& model, const Eigen::MatrixXd& motion) {

@@ -4,6 +4,9 @@
 // Plain friction: viscous and Coulomb friction at every free mass. Friction at a motor and at its
 // load, taken alone, ask for a friction that grows, a lag or a drag to make up for what is missing.
 //
+// Coulomb friction and drag at one mass: beside a damping that is stated, each alone bends the
+// wrong way.
+//
 // A spring and where it rests: stiffness and a constant force at a free mass. About the zero of the
 // sensor a spring pulls the wrong way wherever the mass swings on one side of that zero.
 #pragma once
@@ -18,6 +21,10 @@ namespace graybox {
 // The extensions of the group: of each free mass the laws that the model does not have there.
 [[nodiscard]] std::vector<LawExtension> friction_group(const std::vector<LawExtension>& extensions,
                                                        const LumpedModel& model);
+
+// Where one mass moves freely that has neither, Coulomb friction and drag.
+[[nodiscard]] std::vector<std::vector<LawExtension>> dragged_friction(
+    const std::vector<LawExtension>& extensions, const LumpedModel& model);
 
 // By free mass that has neither, a spring and a constant force.
 [[nodiscard]] std::vector<std::vector<LawExtension>> resting_springs(

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +16,8 @@ namespace {
 
 using Eigen::Index;
 using Eigen::VectorXd;
+
+constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a spring
 
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
@@ -380,18 +383,19 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   }
 }
 
-// A spring at a shaft that turns on and on would wind up without end. Where the angle is not
+// A spring at a mass that goes on and on would wind up without end. Where the position is not
 // measured, that is all that is known of it.
 bool PredictionHypotheses::winds_up(const Location& place, const MotionAt& at) const {
   constexpr double kTwoTurns = 4.0 * std::numbers::pi;
+  constexpr double kOneWay = 0.01;  // of the squared velocity, in the direction that has less
   const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
-  return rotates_ && !measures_position_ && is_one_mass && at.range > kTwoTurns;
+  const bool goes_on = at.lesser_way < kOneWay || (rotates_ && at.range > kTwoTurns);
+  return !measures_position_ && is_one_mass && goes_on;
 }
 
 void PredictionHypotheses::extend_spring(const LawExtension& plain,
                                          const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
-  constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a spring
   const auto spring = part_at(present.model, plain.location, "stiffness");
   const double size = at.largest;
   if (plain.law == "offset") {
@@ -413,6 +417,32 @@ void PredictionHypotheses::extend_spring(const LawExtension& plain,
       list.push_back(amplitude(plain, {0.0, 0.0}, parameter, at.force, false));
     }
   }
+}
+
+std::optional<LawExtension> PredictionHypotheses::weight_like(const ExtendedLumpedModel& present,
+                                                              std::size_t spring,
+                                                              const Eigen::MatrixXd& motion) const {
+  const Element& part = present.model.parts[spring];
+  if (part.location.kind != LocationKind::kElement || part.location.driver >= 0) return {};
+  for (std::size_t h = 0; h < hypotheses_.size(); ++h) {
+    if (hypotheses_[h].law != "gravity" || locations_[h].input != part.location.input) continue;
+    if (part_at(present.model, locations_[h], "gravity")) return {};
+    const VectorXd angle = motion.leftCols(motion.cols() / 2) * part.location.input;
+    if (!(angle.maxCoeff() - angle.minCoeff() > kTurned)) return {};
+    Eigen::MatrixX2d waves(angle.size(), 2);
+    waves << angle.array().sin(), angle.array().cos();
+    const VectorXd force =
+        angle.unaryExpr([&](double at) { return part.law->force(at, 0.0, {}); });
+    const Eigen::Vector2d sizes = waves.colPivHouseholderQr().solve(force);
+    if (!sizes.allFinite()) return {};
+    LawExtension weight = amplitude({}, {0.0, 0.0}, 0, 1.0, false);
+    weight.hypothesis = h;
+    weight.location = locations_[h];
+    weight.law = "gravity";
+    weight.direction = {sizes(0), sizes(1)};
+    return weight;
+  }
+  return {};
 }
 
 // A small gap, and wide ones. A spring that was fitted without its gap came out too soft: beside a

@@ -37,6 +37,11 @@ class PredictionHypotheses {
   // One that acts in the few moments in which something changes: a late channel, or dry friction,
   // where the motion stops or turns.
   [[nodiscard]] bool acts_in_moments(std::size_t hypothesis) const;
+  // A weight that pulls about as this spring of the model does, by least squares over the motion, in
+  // its place; none where no angle is measured, or hardly a part of a turn.
+  [[nodiscard]] std::optional<LawExtension> weight_like(const ExtendedLumpedModel& present,
+                                                        std::size_t spring,
+                                                        const Eigen::MatrixXd& motion) const;
   // z of a fit with this law over the one without it: z_as_given() of late channels, z_between() of
   // others.
   [[nodiscard]] double z_of_law(std::size_t hypothesis, const PredictionFit& poorer,

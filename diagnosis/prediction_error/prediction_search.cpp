@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
 
 #include "diagnosis/prediction_error/friction_energy.hpp"
@@ -245,6 +246,18 @@ double PredictionSearch::fed_in_by(const State& state, const PredictionFit& fit)
   return fed_in_share(fit.model.model, fitter(state).motion(fit), data_->sample_time());
 }
 
+// Over whole recordings the slope at no weight says little of a weight, which every arm may have.
+void PredictionSearch::add_weights(const std::vector<ExtensionScore>& scores,
+                                   const std::vector<LawExtension>& extensions,
+                                   std::vector<std::size_t>& list) {
+  for (const ExtensionScore& score : scores) {
+    const LawExtension& law = extensions[score.extension];
+    const bool is_there = std::ranges::any_of(
+        list, [&](std::size_t other) { return extensions[other].hypothesis == law.hypothesis; });
+    if (law.law == "gravity" && !is_there) list.push_back(score.extension);
+  }
+}
+
 std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
                                                    const std::vector<LawExtension>& extensions,
                                                    std::span<const ScoredStart> starts) const {
@@ -258,6 +271,7 @@ std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
           list, [&](std::size_t other) { return extensions[other].hypothesis == law.hypothesis; });
       if (!is_there) list.push_back(score.extension);
     }
+    add_weights(start.scores, extensions, list);
   }
   std::vector<TriedLaw> tried;
   for (const std::size_t extension : list) {
@@ -340,12 +354,12 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
       taken = best = i;
       continue;
     }
-    const bool gains_as_much =
-        tried[i].fit.cost - tried[best].fit.cost <
-        (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost);
+    const double behind = tried[i].fit.cost - tried[best].fit.cost;
     const bool is_equal =
-        gains_as_much && (is_gradual_friction(tried[best].fit.model) ||
-                          z_between(tried[i].fit, tried[best].fit) < options_.equal_errors);
+        behind < options_.same_cost * tried[best].fit.cost ||
+        (behind < (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost) &&
+         (is_gradual_friction(tried[best].fit.model) ||
+          z_between(tried[i].fit, tried[best].fit) < options_.equal_errors));
     if (is_equal && complexity(tried[i]) < complexity(tried[taken])) taken = i;
   }
   return taken;
@@ -451,6 +465,8 @@ bool PredictionSearch::add_group(State& state, const std::optional<PredictionFit
   std::vector<std::vector<LawExtension>> groups =
       resting_springs(extensions, state.fit.model.model);
   groups.push_back(friction_group(extensions, state.fit.model.model));
+  std::ranges::move(dragged_friction(extensions, state.fit.model.model),
+                    std::back_inserter(groups));
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
   const std::vector<LawExtension>* taken = nullptr;
   PredictionFit best;

@@ -9,8 +9,8 @@
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also groups at once (law_groups.hpp): viscous and Coulomb
-//      friction at all masses, or a spring and where it rests; taken if they leave less than 80 %
-//      of what the best single law does
+//      friction at all masses, Coulomb friction and drag at one, or a spring and where it rests;
+//      taken if they leave less than 80 % of what the best single law does
 //   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
 //      than 3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter
 //      of what may be rounding), and the frictions do not feed energy in (friction_energy.hpp);
@@ -60,6 +60,7 @@ struct PredictionSearchOptions {
   double least_gain_mode = 0.3;        // by something that swings: it imitates much
   double equal_errors = 2.5;           // z within which another law is no better
   double equal_gain = 0.85;            // share of the best one's gain
+  double same_cost = 0.02;             // more of it is no worse, however surely
   double rival_errors = 2.0;           // z within which a law is not excluded
   double at_noise = 1.05;              // times the sensors' noise: nothing to see
   double at_rounding = 1.3;            // likewise, where it may be rounding
@@ -187,6 +188,9 @@ class PredictionSearch {
   };
   // The laws of all shortlists, each refitted for a few iterations from each start; the best is
   // kept.
+  static void add_weights(const std::vector<ExtensionScore>& scores,
+                          const std::vector<LawExtension>& extensions,
+                          std::vector<std::size_t>& list);
   [[nodiscard]] std::vector<TriedLaw> start_race(const State& state,
                                                  const std::vector<LawExtension>& extensions,
                                                  std::span<const ScoredStart> starts) const;

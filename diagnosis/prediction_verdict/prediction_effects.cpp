@@ -100,6 +100,7 @@ std::vector<FoundEffect> PredictionEffects::of(std::span<const FittedLaw> laws) 
     if (without.fit.usable) {
       add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
       add_richer_friction(l, effect);
+      add_weight(l, effect);
     }
     unite_delays(effect);
     effects.push_back(std::move(effect));
@@ -163,6 +164,19 @@ void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& with
   rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
   rival.bic_difference = z * std::abs(z);
   effect.rivals.push_back(std::move(rival));
+}
+
+// A weight in place of a spring, which everybody asks for.
+void PredictionEffects::add_weight(std::size_t law, FoundEffect& effect) const {
+  const JudgedModel weight = from_.final->weight_in_place_of(law);
+  if (!weight.fit.usable) return;
+  const PlacedFinding& placed = weight.fit.model.laws.back();
+  if (is_named(placed.hypothesis, effect)) return;
+  const double z = from_.final->z_over(weight);
+  Rival rival;
+  rival.law = fitted_law(weight.fit.model, placed, nullptr);
+  rival.bic_difference = z * std::abs(z);
+  (z < kExcluded ? effect.rivals : effect.excluded).push_back(std::move(rival));
 }
 
 // A plain friction takes most of what a richer one would, and leaves a rest that may pass for a
