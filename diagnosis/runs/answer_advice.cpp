@@ -4,13 +4,15 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
-#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/verdict/law_words.hpp"
+#include "problems/base/units.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
 #include "problems/mechanisms/rigid_robot_model.hpp"
@@ -49,63 +51,6 @@ void mark_first_springs(const std::filesystem::path& model, std::span<const Hypo
     if (!is_spring(effect)) continue;
     effect.is_first_of_its_kind = !has_spring(parts, hypotheses[effect.law.hypothesis].place);
   }
-}
-
-bool is_of_a_machine(const Diagnosis& diagnosis) {
-  const bool loses_the_mass = std::ranges::any_of(diagnosis.implausible, [](const auto& flaw) {
-    return flaw.rule == PlausibilityRule::kZero &&
-           (flaw.quantity.ends_with(".mass") || flaw.quantity.ends_with(".inertia"));
-  });
-  return excluding(diagnosis.implausible) == 0 && !loses_the_mass;
-}
-
-double shortfall_of(const Diagnosis& diagnosis) {
-  constexpr double kOfCount = 3.0, kWithoutLaws = 1e3;
-  double most = 0.0;
-  for (const VerdictReason& reason : diagnosis.reasons) {
-    if (!has_failed(reason)) continue;
-    double own = kOfCount;
-    const bool is_of_sizes = reason.test.starts_with("masses and springs");
-    if (reason.otherwise == Verdict::kAmbiguous || is_of_sizes) {
-      own = 1.0;
-    } else if (reason.is_lower_limit) {
-      own = kWithoutLaws;
-    } else if (reason.value && reason.limit > 0.0) {
-      own = *reason.value / reason.limit;
-    }
-    most = std::max(most, own);
-  }
-  return most;
-}
-
-std::optional<double> force_left(const Diagnosis& diagnosis) {
-  for (const VerdictReason& reason : diagnosis.reasons) {
-    if (reason.test.starts_with("force left at")) return reason.value;
-  }
-  return {};
-}
-
-bool has_signal_laws_only(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {
-  constexpr std::array<std::string_view, 4> kSignals{"delay", "lag", "mode", "resonance"};
-  return !diagnosis.effects.empty() &&
-         std::ranges::all_of(diagnosis.effects, [&](const FoundEffect& effect) {
-           return std::ranges::count(kSignals, hypotheses[effect.law.hypothesis].law) > 0;
-         });
-}
-
-std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
-  constexpr std::string_view kTest = "parameters that are not determined", kName = "rotor_inertia_";
-  if (diagnosis.verdict != Verdict::kAmbiguous) return {};
-  const bool is_alone = std::ranges::all_of(diagnosis.reasons, [&](const VerdictReason& reason) {
-    return reason.passed || !reason.not_tested.empty() || reason.test == kTest;
-  });
-  if (!is_alone) return {};
-  std::vector<std::size_t> joints;
-  for (const Implausibility& flaw : diagnosis.implausible) {
-    if (flaw.rule != PlausibilityRule::kZero || !flaw.quantity.starts_with(kName)) return {};
-    joints.push_back(std::stoul(flaw.quantity.substr(kName.size())) - 1);
-  }
-  return joints;
 }
 
 void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis) {
@@ -148,6 +93,31 @@ void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diag
           "too.",
           moving));
     }
+  }
+}
+
+void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
+  constexpr std::size_t kFew = 2;
+  std::map<std::pair<std::string, std::string>, std::vector<std::string>> columns;
+  for (const Channel& channel : campaign.channels) {
+    const Unit* recorded = find_unit(channel.recorded_unit);
+    const bool is_converted = recorded != nullptr && recorded->base != channel.unit;
+    if (channel.role != ChannelRole::kInput || !is_converted || channel.factor != 1.0) continue;
+    columns[{channel.unit, channel.recorded_unit}].push_back(
+        channel.column.empty() ? channel.name : channel.column);
+  }
+  for (const auto& [units, names] : columns) {
+    const auto& [unit, recorded] = units;
+    std::string of;
+    for (std::size_t k = 0; k < std::min(kFew, names.size()); ++k) {
+      of += (k == 0 ? "'" : ", '") + names[k] + "'";
+    }
+    if (names.size() > kFew) of += fmt::format(" and {} more", names.size() - kFew);
+    diagnosis.assumptions.push_back(fmt::format(
+        "Sizes are in units of the drive{}: 1 {} stands for one {} of {}. With {} true gain (gain: "
+        "in campaign.yaml) masses and forces scale.",
+        names.size() > 1 ? "s" : "", unit, recorded != "1" ? recorded : "recorded unit", of,
+        names.size() > 1 ? "each" : "its"));
   }
 }
 

@@ -14,6 +14,8 @@
 #include "diagnosis/report/axis_scale.hpp"
 #include "diagnosis/report/svg_chart.hpp"
 #include "diagnosis/runs/answer_advice.hpp"
+#include "diagnosis/second_looks/answer_worth.hpp"
+#include "diagnosis/second_looks/unseen_rotors.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/next_plan.hpp"
@@ -374,7 +376,7 @@ TEST(VerdictWords, NameABetterRivalFirst) {
 }
 
 // A balance of differentiated positions whose mass vanished says nothing.
-TEST(AnswerAdvice, AMachineHasAMassAndNoNegativeSpring) {
+TEST(AnswerWorth, AMachineHasAMassAndNoNegativeSpring) {
   Diagnosis diagnosis = explained();
   EXPECT_TRUE(is_of_a_machine(diagnosis));
   Implausibility flaw{PlausibilityRule::kZero, "bearing.damping", 1e-4, 0.1, "w", "r", false};
@@ -388,7 +390,7 @@ TEST(AnswerAdvice, AMachineHasAMassAndNoNegativeSpring) {
 }
 
 // Only where the rotor alone keeps the answer from being sure.
-TEST(AnswerAdvice, ARotorThatIsNotSeenIsLeftOut) {
+TEST(UnseenRotors, ARotorThatIsNotSeenIsLeftOut) {
   Diagnosis diagnosis = explained();
   diagnosis.verdict = Verdict::kAmbiguous;
   const auto failed = [](const char* test) {

@@ -1,0 +1,35 @@
+// A second look at few recordings in other roles: those kept out are fitted, too, or instead.
+//
+// Which of two equal recordings is named first is chance. Where the first shows no law that holds
+// on the other, they change places, and what the other shows is tested on the first. A short log
+// that is cut in two may show in neither part what it shows as a whole. Then all recordings are
+// fitted. Nothing is left to test what is found so, and its verdict is `ambiguous` at best.
+#pragma once
+
+#include <optional>
+
+#include "diagnosis/recordings/campaign.hpp"
+#include "diagnosis/second_looks/answer_by_method.hpp"
+#include "diagnosis/second_looks/diagnosis_answer.hpp"
+
+namespace graybox {
+
+struct AnswerInRoles {
+  Campaign campaign;  // with the roles in which it was found
+  MethodAnswer found;
+};
+
+struct RolesLook {
+  std::optional<AnswerInRoles> answer;  // none: the first one stands
+  bool was_stopped = false;
+};
+
+// What few recordings (5000 samples at most) of a lumped model in any motion show, where those of
+// the fit alone show no law that holds, or do not determine the mass. What those kept out show by
+// themselves and all together do not is another law that happens to hold on the others. Throws
+// InputError as answer_by() does.
+[[nodiscard]] RolesLook look_at_other_roles(const MethodAnswer& first,
+                                            const DiagnosisRequest& request,
+                                            const Campaign& campaign);
+
+}  // namespace graybox

@@ -1,0 +1,58 @@
+#include "diagnosis/second_looks/unseen_rotors.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "diagnosis/search/diagnosis_search.hpp"
+#include "diagnosis/second_looks/requested_problem.hpp"
+#include "problems/base/stop.hpp"
+
+namespace graybox {
+namespace {
+
+// Their names in the model, one after the other.
+std::string names_of(const std::vector<std::size_t>& rotors) {
+  std::string names;
+  for (const std::size_t j : rotors) {
+    names += fmt::format("{}rotor_inertia_{}", names.empty() ? "" : ", ", j + 1);
+  }
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
+  constexpr std::string_view kTest = "parameters that are not determined", kName = "rotor_inertia_";
+  if (diagnosis.verdict != Verdict::kAmbiguous) return {};
+  const bool is_alone = std::ranges::all_of(diagnosis.reasons, [&](const VerdictReason& reason) {
+    return reason.passed || !reason.not_tested.empty() || reason.test == kTest;
+  });
+  if (!is_alone) return {};
+  std::vector<std::size_t> joints;
+  for (const Implausibility& flaw : diagnosis.implausible) {
+    if (flaw.rule != PlausibilityRule::kZero || !flaw.quantity.starts_with(kName)) return {};
+    joints.push_back(std::stoul(flaw.quantity.substr(kName.size())) - 1);
+  }
+  return joints;
+}
+
+std::optional<DiagnosisAnswer> answer_without_unseen_rotors(const DiagnosisRequest& request,
+                                                            const Campaign& campaign,
+                                                            const Diagnosis& first) {
+  const std::vector<std::size_t> rotors = rotors_to_leave_out(first);
+  if (rotors.empty() || stop_requested()) return {};
+  DiagnosisAnswer answer;
+  answer.problem = requested_problem(request, campaign, rotors);
+  if (!answer.problem) return {};
+  answer.diagnosis = diagnose(*answer.problem, request.search);
+  if (answer.diagnosis.interrupted || answer.diagnosis.verdict > first.verdict) return {};
+  answer.diagnosis.assumptions.push_back(fmt::format(
+      "{}: unknown in the model and not seen in these recordings, so left out.", names_of(rotors)));
+  return answer;
+}
+
+}  // namespace graybox
