@@ -38,20 +38,33 @@ double noise_variance(const MotionSamples& record) {
   return third.squaredNorm() / (20.0 * static_cast<double>(third.size()));
 }
 
-// Share of noise in the acceleration, all records together.
-double noise_share(std::span<const MotionSamples> records, double frequency) {
+// Variance of the accelerations under a low-pass, times samples: of all, and of their noise.
+struct AccelerationPower {
+  double of_all = 0.0, of_noise = 0.0;
+  [[nodiscard]] double share() const { return of_all > 0.0 ? of_noise / of_all : 0.0; }
+};
+
+AccelerationPower power_below(double frequency, std::span<const MotionSamples> records) {
   const double wave = 2.0 * std::numbers::pi;
-  double of_noise = 0.0, of_all = 0.0;
+  AccelerationPower result;
   for (const MotionSamples& record : records) {
     const auto samples = static_cast<double>(record.values.size());
     const VectorXd smooth =
         zero_phase_low_pass(record.values, frequency * record.sample_time, kOrder);
-    of_all += samples * variance(differences(smooth, record.sample_time, record.derivatives));
+    result.of_all +=
+        samples * variance(differences(smooth, record.sample_time, record.derivatives));
     const double power = 2.0 * record.derivatives;
-    of_noise += samples * 2.0 / (power + 1.0) * noise_variance(record) * record.sample_time *
-                std::pow(wave, power) * std::pow(frequency, power + 1.0);
+    result.of_noise += samples * 2.0 / (power + 1.0) * noise_variance(record) *
+                       record.sample_time * std::pow(wave, power) *
+                       std::pow(frequency, power + 1.0);
   }
-  return of_all > 0.0 ? of_noise / of_all : 0.0;
+  return result;
+}
+
+// Whether what the last step of the ladder let through is noise for the most part.
+bool adds_noise(const AccelerationPower& above, const AccelerationPower& below) {
+  constexpr double kMostly = 0.5;
+  return above.of_noise - below.of_noise > kMostly * (above.of_all - below.of_all);
 }
 
 }  // namespace
@@ -67,9 +80,12 @@ std::optional<double> low_pass_for_acceleration(std::span<const MotionSamples> r
   }
   if (used.empty()) return {};
   const double highest = kHighest / sample_time;
+  AccelerationPower own = power_below(highest, used);
+  if (own.share() <= kLargestShare) return {};
   for (double frequency = highest; frequency * duration >= kFewestWaves; frequency /= kStep) {
-    if (noise_share(used, frequency) > kLargestShare) continue;
-    return frequency == highest ? std::nullopt : std::optional(frequency);
+    const AccelerationPower below = power_below(frequency / kStep, used);
+    if (own.share() <= kLargestShare && !adds_noise(own, below)) return frequency;
+    own = below;
   }
   return {};
 }

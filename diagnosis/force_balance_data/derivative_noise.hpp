@@ -27,8 +27,9 @@ struct MotionSamples {
 };
 
 // The highest frequency, Hz, of a ladder below the Nyquist frequency at which that variance is at
-// most 1 % of the acceleration's. There is none where even unfiltered motions allow for it, or
-// where no frequency does that lets ten waves into the longest recording.
+// most 1 % of the acceleration's, and at most half of what the last step of the ladder lets
+// through. There is none where even unfiltered motions allow for 1 %, or where no frequency does
+// that lets ten waves into the longest recording.
 [[nodiscard]] std::optional<double> low_pass_for_acceleration(
     std::span<const MotionSamples> records);
 

@@ -45,6 +45,21 @@ bool is_worth_more(const Diagnosis& balanced, const RigidRobotModel& drive,
   return is_nearer && short_of > kFar;
 }
 
+// Whether the prediction error has found what takes nearly all of the force, and nothing of the rest
+// depends on the motion. A balance can't find more then, and recordings that differ stay so.
+bool accounts_for_force(const DiagnosisAnswer& predicted) {
+  constexpr double kNearly = 10.0;  // % of the forces that act
+  const Diagnosis& diagnosis = predicted.diagnosis;
+  const std::optional<double> left = force_left(diagnosis);
+  const bool depends_on_motion =
+      std::ranges::any_of(diagnosis.reasons, [](const VerdictReason& reason) {
+        return reason.test.starts_with("force left that depends on") && has_failed(reason);
+      });
+  return predicted.by_prediction.doubt.empty() && !diagnosis.effects.empty() && left &&
+         *left < kNearly && !depends_on_motion && is_of_a_machine(diagnosis) &&
+         !has_signal_laws_only(diagnosis, predicted.hypotheses());
+}
+
 // Whether the balance is near an answer, and leaves about as little of the force as the prediction
 // error that told signals.
 bool tells_forces_as_well(const Diagnosis& balanced, double left) {
@@ -58,6 +73,7 @@ bool tells_forces_as_well(const Diagnosis& balanced, double left) {
 
 BalanceLook look_at_balance(const RigidRobotModel& drive, const DiagnosisRequest& request,
                             const Campaign& campaign, const DiagnosisAnswer& predicted) {
+  if (accounts_for_force(predicted)) return {};
   if (predicted.diagnosis.verdict == Verdict::kUnknown) {
     BalanceLook look = found_by_balance(drive, request, campaign);
     if (look.answer && !is_worth_more(look.answer->diagnosis, drive, predicted)) {
