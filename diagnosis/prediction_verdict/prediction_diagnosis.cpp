@@ -12,8 +12,8 @@
 #include <string>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/final_fit/final_fit.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
-#include "diagnosis/prediction_error/final_fit.hpp"
 #include "diagnosis/prediction_error/latent_pictures.hpp"
 #include "diagnosis/prediction_error/prediction_search.hpp"
 #include "diagnosis/prediction_error/reversed_outputs.hpp"
@@ -34,7 +34,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kVanished = 1e-6;               // of a parameter's scale: as good as zero
+constexpr double kVanished = 1e-6;  // of a parameter's scale: as good as zero
 // The final fit takes all samples where thinning would drop anything that matters.
 constexpr SampleLimit kSearched{.most = 8000, .dropped = 0.3, .may_cut = true};
 constexpr SampleLimit kFitted{.most = 8000, .dropped = 0.1, .may_cut = false};

@@ -2,7 +2,7 @@
 // verdict are told. All that it points to must outlive it.
 #pragma once
 
-#include "diagnosis/prediction_error/final_fit.hpp"
+#include "diagnosis/final_fit/final_fit.hpp"
 
 namespace graybox {
 

@@ -218,7 +218,7 @@ void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
 
 void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
-  const std::optional<FinalFit::Growth> growth = from_.final->growth();
+  const std::optional<HeldOutGrowth> growth = from_.final->growth();
   if (!growth) {
     VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
     reason.not_tested = from_.final->found().held_out_error
