@@ -93,10 +93,8 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
   if (arguments.json) {
     fmt::print("{}\n", prediction_json(prediction, arguments.model, arguments.campaign).dump());
   } else {
-    fmt::print(
-        "{} as the model stands, nothing fitted: error (rms) over the standard deviation "
-        "of what was measured, in %\n{}",
-        prediction.of, table_of(prediction));
+    fmt::print("{} as the model stands, nothing fitted: {}, in %\n{}", prediction.of,
+               words_of_measure(prediction), table_of(prediction));
     for (const std::string& note : prediction.notes) fmt::print("note: {}\n", note);
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
   }

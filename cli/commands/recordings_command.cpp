@@ -141,6 +141,14 @@ std::string text_of_channels(const Json& channels) {
   return text;
 }
 
+// Of those in the file; resampled ones may be more than the rows that they come from.
+std::string words_of_samples(const Json& experiment, bool is_resampled) {
+  const auto used = experiment["used_samples"].get<std::size_t>(),
+             rows = experiment["samples"].get<std::size_t>();
+  return is_resampled ? fmt::format("{} samples, resampled from a file of {} rows,", used, rows)
+                      : fmt::format("{} of {} samples", used, rows);
+}
+
 std::string text_of(const Json& summary) {
   const Json& experiments = summary["experiments"];
   std::string text = fmt::format("{}: {} experiment{}, ", summary["campaign"].get<std::string>(),
@@ -155,13 +163,14 @@ std::string text_of(const Json& summary) {
                         summary["sample_time"].get<double>());
   }
   text += text_of_channels(summary["channels"]) + text_of_findings(summary["findings"]);
+  const bool is_resampled =
+      summary["recorded_sample_time"].is_null() && !summary["sample_time"].is_null();
   for (const Json& experiment : experiments) {
     text += fmt::format("  {} ({}): ", experiment["name"].get<std::string>(),
                         experiment["role"].get<std::string>());
     text += experiment["sound"].get<bool>()
-                ? fmt::format("{} of {} samples in {} segment{}, {:.4g} s{}\n",
-                              experiment["used_samples"].get<std::size_t>(),
-                              experiment["samples"].get<std::size_t>(),
+                ? fmt::format("{} in {} segment{}, {:.4g} s{}\n",
+                              words_of_samples(experiment, is_resampled),
                               experiment["segments"].get<std::size_t>(),
                               experiment["segments"].get<std::size_t>() == 1 ? "" : "s",
                               experiment["duration"].get<double>(),

@@ -320,6 +320,7 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
     } else {
       result.unit = unit.unit;
       result.unit_factor = unit.factor;
+      result.written = trimmed(inside);
       result.odd_unit.clear();
     }
     text.erase(first, last - first + 1);
@@ -332,7 +333,9 @@ void take_unit_words(Words& words, ColumnWords& result) {
   for (std::size_t count = std::min<std::size_t>(3, words.size()); count > 0; --count) {
     if (count == words.size() && words.size() > 1) continue;
     const std::string text = joined_words(std::span(words).subspan(words.size() - count, count));
-    const WrittenUnit unit = unit_of_words(text);
+    // "encoder second" is one of two encoders, and "second" alone is a time.
+    const bool is_second = words.size() == 1 && text == "second";
+    const WrittenUnit unit = is_second ? WrittenUnit{"s", 1.0} : unit_of_words(text);
     // "m s" may end "theta_m_s"; a unit of one word may be a title of its own ("rpm").
     if (unit.unit.empty()) continue;
     if (result.unit.empty() && result.odd_unit.empty()) {
@@ -529,6 +532,7 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
   const WrittenUnit stated = written_unit(stated_unit);
   result.unit = stated.unit;
   result.unit_factor = stated.factor;
+  if (!stated.unit.empty()) result.written = trimmed(stated_unit);
   if (stated.unit.empty() && !is_note(std::string(stated_unit), true)) {
     result.odd_unit = trimmed(stated_unit);
   }

@@ -47,6 +47,7 @@ struct ColumnWords {
   LogQuantity quantity = LogQuantity::kUnknown;
   std::string unit;          // a name of units.hpp; empty if the title has none
   double unit_factor = 1.0;  // of that unit, for one that was recorded
+  std::string written;       // that, as a bracket, the file or the user has it
   std::string odd_unit;      // as the title has it: no unit of the quantity, or none that is known
   MotionKind motion = MotionKind::kOpen;
   DriveSide side = DriveSide::kOpen;

@@ -193,8 +193,20 @@ bool are_one_title(const std::string& a, const LogColumn& column) {
          (unit.empty() || other_unit.empty() || is_same_unit(unit, other_unit));
 }
 
+// The one column in this unit: "Volt" below the number of a channel.
+LogColumn* column_in_unit(const std::string& unit, LogRecording& recording) {
+  if (written_unit(unit).unit.empty()) return nullptr;
+  LogColumn* found = nullptr;
+  for (LogColumn& column : recording.columns) {
+    if (column.stated_unit != unit) continue;
+    if (found != nullptr) return nullptr;
+    found = &column;
+  }
+  return found;
+}
+
 // Columns that an answer means, with their place in its range or array. By their names; where there
-// is none of that name, by their titles without a unit.
+// is none of that name, by their titles without a unit, and then by their unit.
 std::vector<std::pair<LogColumn*, int>> meant_columns(const ColumnAnswer& answer,
                                                       LogRecording& recording) {
   std::vector<std::pair<LogColumn*, int>> meant;
@@ -210,7 +222,25 @@ std::vector<std::pair<LogColumn*, int>> meant_columns(const ColumnAnswer& answer
   }
   const bool is_one = std::ranges::all_of(
       meant, [&](const auto& each) { return each.first->name == meant.front().first->name; });
-  return is_one ? meant : std::vector<std::pair<LogColumn*, int>>{};
+  if (!is_one) return {};
+  if (LogColumn* only = meant.empty() ? column_in_unit(answer.names, recording) : nullptr) {
+    meant.emplace_back(only, 0);
+  }
+  return meant;
+}
+
+// A motion can't be in a unit of something else, "Volt=velocity": which one it has is asked.
+void doubt_unit(LogColumn& column) {
+  ColumnWords& words = column.words;
+  const bool is_motion = words.quantity == LogQuantity::kPosition ||
+                         words.quantity == LogQuantity::kVelocity ||
+                         words.quantity == LogQuantity::kAcceleration;
+  if (!is_motion || words.unit.empty() || quantity_of_unit(words.unit) == words.quantity) return;
+  words.odd_unit = words.unit;
+  words.unit.clear();
+  words.motion = MotionKind::kOpen;
+  column.values /= words.unit_factor;
+  words.unit_factor = 1.0;
 }
 
 void apply(const ColumnAnswer& answer, LogRecording& recording) {
@@ -228,7 +258,10 @@ void apply(const ColumnAnswer& answer, LogRecording& recording) {
       column->values *= answer.unit_factor / column->words.unit_factor;
       column->words.unit_factor = answer.unit_factor;
       column->words.unit = answer.unit;
+      column->words.written = answer.written;
       column->words.motion = motion_of_unit(answer.unit);
+    } else {
+      doubt_unit(*column);
     }
   }
   const bool is_left_out = answer.quantity == LogQuantity::kOther &&
@@ -612,6 +645,7 @@ ColumnAnswer column_answer(const std::string& text) {
     const WrittenUnit written = unit_of_quantity(text_of_unit.substr(is_reversed ? 1 : 0),
                                                  quantity_named(rest.substr(0, colon)));
     answer.unit = written.unit;
+    answer.written = text_of_unit;
     answer.unit_factor = is_reversed ? -written.factor : written.factor;
     if (answer.unit.empty()) {
       throw InputError(fmt::format("--column {}: unknown unit '{}'; known: {}", text,

@@ -80,6 +80,7 @@ struct ColumnAnswer {
   std::string joint = {};
   double unit_factor = 1.0;  // of "0.1 deg"; -1 of "-deg", a sensor that counts the other way
   bool is_goal = false;
+  std::string written = {};  // the unit as the user wrote it
 };
 // Throws InputError for a text that is none.
 [[nodiscard]] ColumnAnswer column_answer(const std::string& text);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -112,6 +113,18 @@ std::vector<Trace> prediction_traces(const ModelPrediction& prediction) {
   return traces;
 }
 
+std::string words_of_measure(const ModelPrediction& prediction) {
+  const std::string words = "error (rms) over the standard deviation of the recording";
+  const bool runs_free =
+      prediction.of == "outputs" &&
+      std::ranges::any_of(prediction.recordings,
+                          [](const RecordingPrediction& each) { return !(each.ahead > 0.0); });
+  if (!runs_free) return words;
+  return words +
+         "; the first samples only tell the state and are not counted (in free run 200, at "
+         "most half)";
+}
+
 std::string prediction_page(const ModelPrediction& prediction, const std::string& model,
                             const std::string& campaign, const PageOrigin& origin) {
   ReportPage page;
@@ -128,11 +141,9 @@ std::string prediction_page(const ModelPrediction& prediction, const std::string
                              .paragraphs = {"Grey, wide: measured. Orange, dashed: predicted."},
                              .has_traces = true});
   }
-  PageSection errors{
-      .id = "errors",
-      .title = "Errors",
-      .paragraphs = {"The root mean square of the error over the standard deviation of what was "
-                     "measured."}};
+  PageSection errors{.id = "errors",
+                     .title = "Errors",
+                     .paragraphs = {"The " + words_of_measure(prediction) + "."}};
   errors.tables.push_back(table_of(prediction));
   page.sections.push_back(std::move(errors));
   if (!prediction.notes.empty()) {

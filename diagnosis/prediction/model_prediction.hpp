@@ -5,7 +5,8 @@
 //   rigid robots     the forces, by inverse dynamics along the measured motion
 //
 // The error of a channel is its root mean square over the standard deviation of what was measured
-// (NRMSE; docs/glossary.md).
+// (NRMSE; docs/glossary.md). Samples that tell the state are not counted: in free run the first
+// 200, at most half. A fit counts all.
 #pragma once
 
 #include <Eigen/Core>
@@ -54,6 +55,9 @@ struct ModelPrediction {
 
 // "0.1 s ahead", "free run", "at measured motion".
 [[nodiscard]] std::string prediction_words(const ModelPrediction& prediction, double ahead);
+
+// What the numbers are: "error (rms) over ...".
+[[nodiscard]] std::string words_of_measure(const ModelPrediction& prediction);
 
 // Measured and predicted, in the order of the recordings.
 [[nodiscard]] std::vector<Trace> prediction_traces(const ModelPrediction& prediction);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 
 #include "diagnosis/log_columns/even_samples.hpp"
 #include "diagnosis/log_columns/motion_span.hpp"
@@ -68,8 +69,11 @@ std::string gain_of_factor(const DraftChannel& channel, const LogRecording& reco
   const double factor = recording.at(channel.file, channel.column).words.unit_factor;
   const Unit* unit = find_unit(channel.unit);
   if (factor == 1.0 || unit == nullptr) return "";
-  return fmt::format("{{value: {:.8g}, unit: {}/{}}}", factor * unit->factor, unit->base,
-                     channel.unit);
+  const auto in_brackets = [](std::string_view part) {
+    return part.find('/') == std::string_view::npos ? std::string(part) : fmt::format("({})", part);
+  };
+  return fmt::format("{{value: {:.8g}, unit: {}/{}}}", factor * unit->factor,
+                     in_brackets(unit->base), in_brackets(channel.unit));
 }
 
 // Its whole title where the user's unit replaces the file's (is_whole_title).

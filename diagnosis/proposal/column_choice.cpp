@@ -3,13 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <set>
+#include <string_view>
 
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/motion_choice.hpp"
+#include "diagnosis/recording_files/title_words.hpp"
 #include "diagnosis/recordings/late_signal.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 
 namespace graybox {
 namespace {
@@ -70,15 +75,58 @@ std::string reason_of(const LogColumn& column, std::size_t of) {
   return reason;
 }
 
-// The follower of two columns, one the reference of the other; null if neither is later.
+// Titles that are one but for the side or the place that each names: both are measured.
+bool name_two_of_a_kind(const std::string& a, const std::string& b) {
+  static constexpr auto kSides = std::to_array<std::string_view>(
+      {"left",   "right", "l",      "r",      "front",  "rear",      "back",
+       "upper",  "lower", "top",    "bottom", "inner",  "outer",     "fl",
+       "fr",     "rl",    "rr",     "x",      "y",      "z",         "links",
+       "rechts", "vorn",  "hinten", "gauche", "droite", "izquierda", "derecha"});
+  const auto is_side = [](const std::string& word) {
+    return std::ranges::find(kSides, word) != kSides.end() ||
+           std::ranges::all_of(word, [](unsigned char c) { return std::isdigit(c) != 0; });
+  };
+  const std::vector<std::string> one = words_of(a), other = words_of(b);
+  if (one.size() != other.size()) return false;
+  std::size_t differ = 0;
+  for (std::size_t k = 0; k < one.size(); ++k) {
+    if (one[k] == other[k]) continue;
+    if (!is_side(one[k]) || !is_side(other[k])) return false;
+    ++differ;
+  }
+  return differ > 0;
+}
+
+// The noise of a signal over its deviation, by the median of its third differences: about that of
+// white noise, 0 of steps and ramps, and nearly so of what is smooth between samples.
+double noise_of(const Eigen::VectorXd& values) {
+  constexpr double kOfMedian = 1.4826;
+  const Eigen::Index n = values.size() - 3;
+  const double deviation = std::sqrt((values.array() - values.mean()).square().mean());
+  if (n < 1 || !(deviation > 0.0)) return 0.0;
+  const Eigen::VectorXd differences =
+      values.tail(n) - 3.0 * values.segment(2, n) + 3.0 * values.segment(1, n) - values.head(n);
+  return kOfMedian * quantile(differences.cwiseAbs(), 0.5) / (std::sqrt(20.0) * deviation);
+}
+
+// Whether a column has noise of its own, as what is measured has and a reference has not.
+bool has_noise_as(const LogColumn& earlier, const LogColumn& later) {
+  constexpr double kClear = 1e-3, kAlike = 0.5;
+  const double noise = noise_of(earlier.values);
+  return noise > kClear && noise > kAlike * noise_of(later.values);
+}
+
+// The follower of two columns, one the reference of the other; null if neither is later, or both
+// are measured.
 const LogColumn* follower(const LogColumn& a, const LogColumn& b) {
   if (a.values.size() < kFewestSamples || !a.values.allFinite() || !b.values.allFinite() ||
-      correlation(a.values, b.values) < kOneMotion) {
+      name_two_of_a_kind(a.name, b.name) || correlation(a.values, b.values) < kOneMotion) {
     return nullptr;
   }
   const LateFit fit = compare_late(a.values, b.values, 1.0).best();
   if (std::abs(fit.late) < 4.0 * fit.late_error) return nullptr;
-  return fit.late > 0.0 ? &b : &a;
+  const LogColumn &later = fit.late > 0.0 ? b : a, &earlier = fit.late > 0.0 ? a : b;
+  return has_noise_as(earlier, later) ? nullptr : &later;
 }
 
 // Those that do not hardly move, and those of which the user said what they are.
@@ -121,18 +169,18 @@ bool is_doubtful(const DriveManner& manner) {
 }
 
 std::string doubt_of(const LogColumn& drive, const DriveManner& manner) {
+  const char* never = manner.has_one_sign ? "never" : "hardly ever";
   if (manner.lost_sign) {
     return fmt::format(
-        "'{}' is never of the other sign while the axis moves both ways, and its size follows the "
+        "'{}' is {} of the other sign while the axis moves both ways, and its size follows the "
         "motion: its sign seems lost; log its direction, too, and multiply the two (kind: product)",
-        drive.name);
+        drive.name, never);
   }
-  if (!manner.has_one_sign) return "";
+  if (!manner.has_one_sign && !manner.has_nearly_one_sign) return "";
   return fmt::format(
-      "'{}' never changes its sign while the axis moves both ways: so it is where it bears a "
-      "weight "
+      "'{}' {} changes its sign while the axis moves both ways: so it is where it bears a weight "
       "or a spring; else another column drives, or its sign was lost",
-      drive.name);
+      drive.name, never);
 }
 
 }  // namespace

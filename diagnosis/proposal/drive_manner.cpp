@@ -22,7 +22,8 @@ constexpr Eigen::Index kOver = 5;  // samples, of accelerations
 struct Extent {
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
   double sum = 0.0, squares = 0.0, count = 0.0;
-  std::vector<double> ends = {};  // the first and the last of each recording
+  double negative = 0.0, negative_squares = 0.0;  // of them
+  std::vector<double> ends = {};                  // the first and the last of each recording
 
   void add(const Eigen::VectorXd& values) {
     if (values.size() > 0) ends.insert(ends.end(), {values(0), values(values.size() - 1)});
@@ -33,9 +34,20 @@ struct Extent {
       sum += value;
       squares += value * value;
       count += 1.0;
+      if (value < 0.0) {
+        negative += 1.0;
+        negative_squares += value * value;
+      }
     }
   }
   [[nodiscard]] bool has_one_sign() const { return lowest >= 0.0 || highest <= 0.0; }
+  // But for few samples, and small ones: noise about zero, a short pulse.
+  [[nodiscard]] bool has_nearly_one_sign() const {
+    constexpr double kFew = 0.02;
+    const double few = std::min(negative, count - negative),
+                 small = std::min(negative_squares, squares - negative_squares);
+    return few <= kFew * count && small <= kFew * squares;
+  }
   // Off, or nearly, where a recording begins or ends: a step, as no supply makes.
   [[nodiscard]] bool steps() const {
     constexpr double kOff = 0.5;
@@ -76,6 +88,36 @@ std::vector<Eigen::VectorXd> followed(const LogColumn& motion) {
   return list;
 }
 
+// The drive beside the rate of one motion, of all recordings one behind the other: one may go there
+// and the next one back.
+class JoinedRecordings {
+ public:
+  void add(const LogColumn& drive, const LogColumn& motion) {
+    if (drive.values.size() != motion.values.size()) return;
+    if (motion_.empty()) motion_ = motion.name;
+    if (motion.name != motion_) return;
+    append(values_of(drive), drive_);
+    append(followed(motion).front(), rate_);
+  }
+  [[nodiscard]] bool go_both_ways() const { return moves_both_ways(rate_); }
+  // Of a drive of nearly one sign, with the few samples of the other one as zeros.
+  [[nodiscard]] bool have_lost_sign() const {
+    const Eigen::VectorXd drive = drive_.sum() < 0.0 ? Eigen::VectorXd(drive_.cwiseMin(0.0))
+                                                     : Eigen::VectorXd(drive_.cwiseMax(0.0));
+    return find_lost_sign(drive, rate_).has_value();
+  }
+
+ private:
+  static void append(const Eigen::VectorXd& values, Eigen::VectorXd& all) {
+    const Eigen::Index before = all.size();
+    all.conservativeResize(before + values.size());
+    all.tail(values.size()) = values;
+  }
+
+  std::string motion_;
+  Eigen::VectorXd drive_, rate_;
+};
+
 void compare(const LogColumn& drive, const LogColumn& motion, bool& both_ways,
              DriveManner& manner) {
   if (drive.values.size() != motion.values.size()) return;
@@ -93,6 +135,7 @@ void compare(const LogColumn& drive, const LogColumn& motion, bool& both_ways,
 DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecording>& recordings) {
   DriveManner manner;
   Extent extent;
+  JoinedRecordings joined;
   bool both_ways = false;
   for (const LogRecording& recording : recordings) {
     const auto here = std::ranges::find_if(recording.columns, [&](const LogColumn& column) {
@@ -101,13 +144,17 @@ DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecordi
     if (here == recording.columns.end()) continue;
     extent.add(values_of(*here));
     for (const LogColumn& column : recording.columns) {
-      if (is_measured_motion(column)) compare(*here, column, both_ways, manner);
+      if (!is_measured_motion(column)) continue;
+      compare(*here, column, both_ways, manner);
+      joined.add(*here, column);
     }
   }
   manner.variation = extent.variation();
   manner.hardly_moves = extent.has_one_sign() && !extent.steps() && manner.variation < kHardly;
   manner.has_one_sign = extent.has_one_sign() && both_ways;
-  manner.lost_sign = manner.lost_sign && extent.has_one_sign();
+  manner.has_nearly_one_sign = extent.has_nearly_one_sign() && (both_ways || joined.go_both_ways());
+  manner.lost_sign = (manner.lost_sign && extent.has_one_sign()) ||
+                     (manner.has_nearly_one_sign && joined.have_lost_sign());
   return manner;
 }
 

@@ -13,6 +13,8 @@ namespace graybox {
 struct DriveManner {
   double variation = 0.0;     // deviation over the size of the mean, of all recordings
   bool has_one_sign = false;  // in all recordings, while the axis moves both ways
+  // But for few and small samples, while the axis goes both ways in all recordings together.
+  bool has_nearly_one_sign = false;
   bool hardly_moves = false;  // one sign, a variation below a tenth, and on at both ends
   bool lost_sign = false;     // its size follows the motion of either way (lost_sign.hpp)
   double follows = 0.0;       // largest correlation with position, speed or acceleration

@@ -164,7 +164,7 @@ class MassModel {
           break;
         case OneMassTold::kNothing:
           why = start.has_value ? "guessed: the log hardly shows an inertia"
-                                : "guessed: the log shows no inertia";
+                                : "guessed: drive and motion together tell no inertia";
       }
     }
     const std::string damping_unit = machine_.is_linear() ? "N s/m" : "N m s/rad";

@@ -70,9 +70,11 @@ class MotionSearch {
       return;
     }
     if (choice.questions.empty()) {
-      const double factor = choice.column->words.unit_factor;
-      const std::string unit =
-          factor == 1.0 ? choice.unit : fmt::format("{:g} {}", factor, choice.unit);
+      const ColumnWords& words = choice.column->words;
+      const std::string unit = words.unit_factor == 1.0 ? choice.unit
+                               : !words.written.empty()
+                                   ? words.written
+                                   : fmt::format("{:g} {}", words.unit_factor, choice.unit);
       add_guess(proposal_, what, fmt::format("'{}' in {}", choice.column->name, unit),
                 choice.reason == choice.unit_reason ? choice.reason
                                                     : choice.reason + "; " + choice.unit_reason);

@@ -6,12 +6,14 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "diagnosis/recording_files/recorder_header.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
 #include "diagnosis/recording_files/time_stamp.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"
@@ -24,6 +26,7 @@ namespace graybox::formats {
 namespace {
 
 constexpr std::size_t kShownOfField = 40;
+constexpr std::string_view kComment = "Comment";  // LabVIEW's last column, mostly empty
 
 // "speed [rpm]" or "speed (rpm)" is the column speed in rpm.
 RecordedColumn titled(std::string_view title) {
@@ -94,28 +97,6 @@ void leave_out_equal_times(RecordingFile& file) {
     return column.name.starts_with("Time ") && column.name.size() == kPairTime.size() + 2 &&
            column.values == first;
   });
-}
-
-bool is_unit(std::string_view field) { return field != "1" && !unit_as_written(field).empty(); }
-
-// The fields of a line of units, without their brackets; empty where it is none: one of its fields
-// is a unit that is known, and none is a number. Others may be units that graybox does not know.
-std::vector<std::string> units_in(const std::vector<std::string_view>& fields) {
-  std::vector<std::string> units;
-  bool any = false;
-  double number = 0.0;
-  for (std::string_view field : fields) {
-    field = trimmed(field);
-    const bool has_brackets = field.size() > 2 && (field.front() == '[' || field.front() == '(');
-    if (has_brackets) field = trimmed(field.substr(1, field.size() - 2));
-    if (field != "1" && parse_number(field, number)) return {};
-    any = any || is_unit(field);
-    const bool is_none = std::ranges::none_of(field, [](unsigned char c) {  // "-", "#", "1"
-      return std::isalpha(c) != 0 || c == '%' || c > 127;
-    });
-    units.emplace_back(is_none ? std::string_view{} : field);
-  }
-  return any ? units : std::vector<std::string>{};
 }
 
 // Whether a line below the titles holds more titles than units: names of signals below those of a
@@ -246,23 +227,14 @@ bool is_line_of_numbers(const std::vector<std::string_view>& fields) {
   bool any = false;
   for (const std::string_view field : fields) {
     const bool is_number = parse_number(field, number);
-    any = any || is_number || field.empty();
+    any = any || is_number;
     if (!is_number && !field.empty() && !parse_time_stamp(field)) return false;
   }
   return any;
 }
 
-// Whether each field of a line that is not empty is a unit: "[s],[V],[rad]".
-bool are_units_alone(std::string_view line) {
-  FieldSplitter splitter(line);
-  const std::vector<std::string> units = units_in(splitter.split(line));
-  std::size_t filled = 0;
-  for (const std::string& unit : units) {
-    if (unit.empty()) continue;
-    if (!is_unit(unit)) return false;
-    ++filled;
-  }
-  return filled > 1;
+bool is_without_fields(const std::vector<std::string_view>& fields) {
+  return std::ranges::all_of(fields, [](std::string_view field) { return field.empty(); });
 }
 
 // Whether a line has so many titles.
@@ -334,20 +306,26 @@ class TableLines {
 
 // Where the header is among the lines above the numbers. It is the first line, unless that is a
 // title or a remark: then it is the last line that has as many fields as the numbers and no number,
-// or the one above where that is a line of units.
+// or the one above where that is a line of units, or of names above their units.
 std::size_t place_of_header(const TableLines& lines) {
   const std::vector<NumberedLine>& head = lines.head();
   if (!lines.ends_in_numbers() || head.size() < 3) return 0;
-  const std::size_t last = head.size() - 2;
-  FieldSplitter numbers(head.back().text);
-  const std::size_t count = numbers.split(head.back().text).size();
+  std::size_t last = head.size() - 2;
+  for (; last > 0; --last) {
+    FieldSplitter splitter(head.back().text);
+    if (!is_without_fields(splitter.split(head[last].text))) break;
+  }
+  if (last == 0) return 0;
+  const std::size_t count = fields_beside(head[last].text, head.back().text);
   const auto fits = [&](std::size_t place) {
     FieldSplitter splitter(head[place].text);
     const std::vector<std::string_view>& fields = splitter.split(head[place].text);
-    return fields.size() == count && is_header(fields);
+    const bool has_comment = fields.size() == count + 1 && fields.back() == kComment;
+    return (fields.size() == count || has_comment) && is_header(fields);
   };
   if (!fits(last) || count < 2) return 0;
   FieldSplitter splitter(head[last].text);
+  if (names_numbered_channels(head[last - 1].text, head[last].text)) return last - 1;
   if (!units_in(splitter.split(head[last].text)).empty()) return fits(last - 1) ? last - 1 : last;
   return fits(last - 1) && are_units_alone(head[last - 1].text) ? last - 1 : last;
 }
@@ -371,11 +349,25 @@ std::string words_of_metadata(const TableLines& lines) {
       lines.head().back().number);
 }
 
+// A header with the start and the step of the time, and the line of units below it.
+bool read_counted_header(const CountedTime& time, TableLines& lines, std::string_view& line,
+                         FieldSplitter& splitter, RecordingFile& file) {
+  std::vector<std::string_view> names = splitter.split(line);
+  names.resize(time.channels);
+  file.columns = header_columns(file.path, names, "");
+  lines.next(line);
+  const std::vector<std::string_view>& units = splitter.split(line);
+  for (std::size_t k = 1; k < time.channels; ++k) {
+    if (file.columns[k].unit.empty() && is_unit(units[k])) file.columns[k].unit = units[k];
+  }
+  return lines.next(line);
+}
+
 // The header, or numbers as names; the first line of numbers is in `line` then.
 bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& splitter,
                  RecordingFile& file) {
   std::vector<std::string_view> fields = splitter.split(line);
-  if (!is_header(fields)) {
+  if (!is_header(fields) && !names_numbered_channels(line, lines.peek())) {
     file.columns =
         columns_in_comments(lines.comment(), lines.comment_before(), line, fields.size());
     if (!file.columns.empty()) return true;
@@ -425,6 +417,10 @@ void tell_the_rest(std::size_t named, RecordingFile& file) {
     file.columns.pop_back();
   }
   const std::size_t last = file.columns.size();
+  if (last == named && last > 1 && file.columns.back().name == kComment &&
+      !file.columns.back().values.array().isFinite().any()) {
+    file.columns.pop_back();
+  }
   if (last <= named) return;
   file.remarks.push_back(
       last == named + 1
@@ -503,12 +499,40 @@ bool are_all_fields(const std::vector<std::string_view>& fields, const Recording
                     const std::vector<ColumnContent>& contents) {
   const std::size_t columns = file.columns.size();
   if (fields.size() < columns) {
+    const std::string& name = file.columns.back().name;
     const bool is_nothing = !contents.back().has_numbers && !contents.back().stamps.has_any() &&
-                            file.columns.back().name == std::to_string(columns);
+                            (name == std::to_string(columns) || name == kComment);
     return fields.size() + 1 == columns && is_nothing;
   }
   return std::all_of(fields.begin() + static_cast<std::ptrdiff_t>(columns), fields.end(),
                      [](std::string_view field) { return field.empty(); });
+}
+
+// Samples beside the settings of an oscilloscope, whose channel and unit two of those are.
+void read_samples_beside_settings(TableLines& lines, RecordingFile& file) {
+  std::vector<double> times, values;
+  std::string name = "CH1", unit;
+  std::string_view line;
+  FieldSplitter splitter(lines.head().front().text);
+  while (lines.next(line)) {
+    const std::vector<std::string_view>& fields = splitter.split(line);
+    const std::vector<std::string_view> sample = sample_beside_setting(fields);
+    if (sample.empty()) {
+      throw InputError(fmt::format(
+          "{}: line {}: no time and value in columns 4 and 5, beside the recorder's settings",
+          file.path, lines.number()));
+    }
+    if (fields[0] == "Source" && !fields[1].empty()) name = fields[1];
+    if (fields[0] == "Vertical Units" && is_unit(fields[1])) unit = fields[1];
+    times.push_back(number_in_table(file.path, lines.number(), "4", sample[0]));
+    values.push_back(number_in_table(file.path, lines.number(), "5", sample[1]));
+  }
+  const auto count = static_cast<Eigen::Index>(times.size());
+  file.columns.push_back({"Time", "s", Eigen::Map<const Eigen::VectorXd>(times.data(), count)});
+  file.columns.push_back({name, unit, Eigen::Map<const Eigen::VectorXd>(values.data(), count)});
+  file.remarks.push_back(fmt::format(
+      "{}: the first columns hold the recorder's settings: time and {} are columns 4 and 5",
+      file.path, name));
 }
 
 // Words where numbers should begin: what was taken for the header may be a title.
@@ -529,6 +553,10 @@ void refuse_words(const std::string& path, std::size_t line,
 RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   RecordingFile file{.path = path, .columns = {}, .unclear_arrays = {}, .sample_time = {}};
   TableLines lines(text ? LineReader(path, *std::move(text)) : LineReader(path));
+  if (!lines.head().empty() && begins_with_setting(lines.head().front().text)) {
+    read_samples_beside_settings(lines, file);
+    return file;
+  }
   const std::size_t header = place_of_header(lines);
   lines.begin_at(header);
   std::string_view line;
@@ -536,7 +564,10 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   if (!more) throw InputError(path + ": there are no numbers");
   if (header > 0) file.remarks.push_back(remark_of_title(path, lines, header));
   FieldSplitter splitter(line);
-  more = read_header(lines, line, splitter, file);
+  const std::optional<CountedTime> counted = counted_time(splitter.split(line), lines.peek());
+  more = counted ? read_counted_header(*counted, lines, line, splitter, file)
+                 : read_header(lines, line, splitter, file);
+  for (std::size_t k = 0; k < header; ++k) take_stated_units(lines.head()[k].text, file);
   if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
   const std::size_t named = file.columns.size();
   const bool joins_day = more && has_day_apart(splitter.split(line), named, line);
@@ -563,6 +594,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     file.columns[k].values = Eigen::Map<const Eigen::VectorXd>(
         values[k].data(), static_cast<Eigen::Index>(values[k].size()));
   }
+  if (counted) take_counted_time(*counted, file);
   tell_the_rest(named, file);
   leave_out_words(contents, file);
   take_stamps(contents, file);

@@ -34,7 +34,7 @@ std::string names_in(const RecordingFile& file) {
 
 [[noreturn]] void fail_ending(const std::string& name, const std::string& ending) {
   throw InputError(
-      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .dat, .h5, .hdf5, .mat, .npy, "
+      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .dat, .lvm, .h5, .hdf5, .mat, .npy, "
                   ".json, .jsonl, .ndjson, and .csv, .txt, .dat, .json, .jsonl, .ndjson with "
                   ".gz",
                   name, ending));
@@ -44,7 +44,9 @@ using TextReader = RecordingFile (*)(const std::string& path, formats::PackedTex
 
 // Null for endings of other formats.
 TextReader text_reader(const std::string& ending) {
-  if (ending == ".csv" || ending == ".txt" || ending == ".dat") return &formats::read_csv_recording;
+  for (const char* table : {".csv", ".txt", ".dat", ".lvm"}) {
+    if (ending == table) return &formats::read_csv_recording;
+  }
   if (ending == ".json") return &formats::read_json_recording;
   if (ending == ".jsonl" || ending == ".ndjson") return &formats::read_json_lines;
   return nullptr;

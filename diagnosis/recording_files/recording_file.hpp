@@ -1,11 +1,12 @@
 // The columns of one data file, whatever its format:
 //
-//   .csv .txt .dat  a header with the columns' names, then numbers; separated by commas,
+//   .csv .txt .dat .lvm  a header with the columns' names, then numbers; separated by commas,
 //               semicolons, tabs or blanks. Without a header the columns are called 1, 2, ...; the
 //               last line with # or % before the numbers is one if it has as many names. A name may
-//               carry its unit: "speed [rpm]", or a second line has the units. Empty fields and
-//               Excel's errors (#VALUE!) are NaN. Columns without a name are called by their
-//               number; those with hardly a number are left out.
+//               carry its unit: "speed [rpm]", or a second line has the units. Headers of
+//               oscilloscopes are read, too (recorder_header.hpp). Empty fields and Excel's errors
+//               (#VALUE!) are NaN. Columns without a name are called by their number; those with
+//               hardly a number are left out.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
 //   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as
 //               "rec.speed"

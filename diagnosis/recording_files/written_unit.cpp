@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <regex>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/recording_files/title_words.hpp"
 #include "problems/base/units.hpp"
@@ -191,7 +192,10 @@ constexpr auto kScaledUnits = std::to_array<ScaledUnit>({
 WrittenUnit plain_unit(const std::string& text) {
   const std::string plain(trimmed(text));
   if (find_unit(plain) != nullptr) return {plain, 1.0};
-  return unit_of_words(joined_words(words_of(plain)));
+  const std::vector<std::string> words = words_of(plain);
+  // Not at the end of a title: "encoder second" is one of two.
+  if (words == std::vector<std::string>{"second"}) return {"s", 1.0};
+  return unit_of_words(joined_words(words));
 }
 
 // "1e-3", "0.1", "10^-3"; 0 for what is no number above zero.

@@ -38,12 +38,14 @@ std::size_t index_in(const YamlField& field) {
 
 // ---- channels -----------------------------------------------------------------------------------
 
-// gain: {value: 0.12, unit: N m/A}: what one recorded unit is worth.
+// gain: {value: 0.12, unit: N m/A}: what one recorded unit is worth. Units of which one has a
+// stroke may be in brackets: (m/s)/(mm/s).
 void apply_gain(const YamlField& field, Channel& channel) {
   field.allow_keys({"value", "unit"});
   const double value = field.at("value").number();
   if (value == 0.0) field.at("value").fail("must not be zero");
-  const std::string unit = field.at("unit").text();
+  std::string unit = field.at("unit").text();
+  std::erase_if(unit, [](char c) { return c == '(' || c == ')'; });
   const std::string divisor = "/" + channel.recorded_unit;
   if (!unit.ends_with(divisor)) {
     field.at("unit").fail(
