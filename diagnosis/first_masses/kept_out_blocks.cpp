@@ -225,12 +225,6 @@ std::vector<SplitTrial> fair_splits(const Added& added, Index fewest) {
   return trials;
 }
 
-// Whether halves differ in nothing but the frequency of the drive.
-bool have_halves_their_share(Added added) {
-  added.crossings.setZero();
-  return reason_against_halves(added).empty();
-}
-
 // The fewest blocks that tell a quarter of what the best do; 2 where there are none.
 Index fewest_blocks(const std::vector<SplitTrial>& trials) {
   const auto best = std::ranges::max_element(trials, {}, &SplitTrial::told);
@@ -295,16 +289,15 @@ Index slowest_time(const VectorXd& motion, bool is_velocity) {
 KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   KeptOutBlocks split;
   if (drive.size() != motion.size() || drive.size() < 2 * kFewestOfBlock) return split;
-  Added added = added_by(drive, motion, is_velocity);
+  const Added added = added_by(drive, motion, is_velocity);
   if (!(added.motion.sum() > 0.0)) return split;
   split.reason = reason_against_halves(added);
   if (split.reason.empty()) return split;
   split.slowest = slowest_time(motion, is_velocity);
   const Index fewest = turns_between_halves(added) ? 0 : kSeveral * split.slowest;
   const std::vector<SplitTrial> trials = fair_splits(added, std::max(kFewestOfBlock, fewest));
-  split.is_slow = trials.empty() && !fair_splits(added, kFewestOfBlock).empty();
-  split.is_fair = !trials.empty() || (split.is_slow && drive.size() / 2 >= fewest &&
-                                      have_halves_their_share(std::move(added)));
+  split.is_fair = !trials.empty();
+  split.is_slow = !split.is_fair && !fair_splits(added, kFewestOfBlock).empty();
   split.count = fewest_blocks(trials);
   return split;
 }

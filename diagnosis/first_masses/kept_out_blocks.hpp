@@ -17,9 +17,8 @@
 // A block holds several times the slowest time of the motion: five times that in which its
 // autocorrelation first falls to zero, about its mean, and for a position about a line. That is
 // more than a period of a swing. (A position that does so in no tenth of the log travels: then its
-// rate counts.) Shorter blocks show neither a swing nor a run-down as a whole. Then halves stay
-// where they are long enough and differ in the drive's frequency alone; else nothing is kept out.
-// An axis that goes there once and back once can show no more than that: its blocks are
+// rate counts.) Shorter blocks show neither a swing nor a run-down as a whole, and nothing is kept
+// out then. An axis that goes there once and back once can show no more than that: its blocks are
 // as short as they must be.
 // Cost: O(n) for each number of blocks.
 //
@@ -42,7 +41,7 @@ struct KeptOutBlocks {
   Eigen::Index count = 2;    // of equal length, the first in the fit
   std::string reason;        // why no halves; empty: halves
   bool is_fair = true;       // false: no number of blocks gives both their share; count is 2
-  bool is_slow = false;      // blocks would, and are too short for the slowest time of the motion
+  bool is_slow = false;      // some would, and are too short for the slowest time of the motion
   Eigen::Index slowest = 0;  // that, in samples
   std::size_t axis = 0;      // of several: the first whose halves are not alike
 };

@@ -213,11 +213,7 @@ class MassCampaign {
           "nothing is kept out, so nothing will test what is found: a law that only resembles what "
           "is there is not told from it. Record another run and give both logs");
     } else {
-      add_guess(proposal_, "kept out", "the second half",
-                blocks_.is_slow ? blocks_.reason +
-                                      ", but shorter parts would not hold the slowest "
-                                      "motion"
-                                : "checks the fit");
+      add_guess(proposal_, "kept out", "the second half", "checks the fit");
     }
     if (machine_.request.split != SplitPlan::kMovingHalves) {
       add_guess(proposal_, "standstill", "kept",
