@@ -16,7 +16,6 @@ using Eigen::VectorXd;
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
 constexpr double kEnough = 0.25;  // of what the best split tells
 constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
-constexpr Index kSeveral = 5;             // slowest times of a block
 constexpr double kFewestCrossings = 4.0;  // of a quarter
 
 // What each sample adds to the squares and to the crossings of the mean.
@@ -213,12 +212,11 @@ double fairly_told(const Added& added, Index blocks) {
   return told_by_each(added, blocks);
 }
 
-// Numbers of blocks, rising, of which both roles have their share of all; of so many samples at
-// least.
-std::vector<SplitTrial> fair_splits(const Added& added, Index fewest) {
+// Numbers of blocks, rising, of which both roles have their share of all.
+std::vector<SplitTrial> fair_splits(const Added& added) {
   std::vector<SplitTrial> trials;
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
-    if (added.drive.size() / blocks < fewest) break;
+    if (added.drive.size() / blocks < kFewestOfBlock) break;
     const double told = fairly_told(added, blocks);
     if (told >= kNothing) trials.push_back({blocks, told});
   }
@@ -259,32 +257,7 @@ SharedSplit shared_split(const std::vector<Added>& axes, Index blocks) {
   return split;
 }
 
-// The lag at which the autocorrelation about the mean first falls to zero; all where none does.
-Index first_zero(VectorXd values) {
-  const Index n = values.size();
-  values.array() -= values.mean();
-  for (Index lag = 1; lag < n; ++lag) {
-    if (!(values.head(n - lag).dot(values.tail(n - lag)) > 0.0)) return lag;
-  }
-  return n;
-}
-
 }  // namespace
-
-Index slowest_time(const VectorXd& motion, bool is_velocity) {
-  constexpr Index kMostSamples = 2000, kOfLog = 10;
-  const Index over = (motion.size() + kMostSamples - 1) / kMostSamples,
-              n = motion.size() / std::max<Index>(1, over);
-  if (n < 3) return motion.size();
-  VectorXd values(n);
-  for (Index k = 0; k < n; ++k) values(k) = motion.segment(k * over, over).mean();
-  if (is_velocity) return over * first_zero(values);
-  const VectorXd line = VectorXd::LinSpaced(n, -1.0, 1.0);
-  const Index swings = first_zero(values - line * (line.dot(values) / line.squaredNorm()));
-  if (swings < n / kOfLog) return over * swings;
-  const Index apart = std::max<Index>(1, n / 500);
-  return over * first_zero(values.tail(n - apart) - values.head(n - apart));
-}
 
 KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   KeptOutBlocks split;
@@ -293,11 +266,8 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   if (!(added.motion.sum() > 0.0)) return split;
   split.reason = reason_against_halves(added);
   if (split.reason.empty()) return split;
-  split.slowest = slowest_time(motion, is_velocity);
-  const Index fewest = turns_between_halves(added) ? 0 : kSeveral * split.slowest;
-  const std::vector<SplitTrial> trials = fair_splits(added, std::max(kFewestOfBlock, fewest));
+  const std::vector<SplitTrial> trials = fair_splits(added);
   split.is_fair = !trials.empty();
-  split.is_slow = !split.is_fair && !fair_splits(added, kFewestOfBlock).empty();
   split.count = fewest_blocks(trials);
   return split;
 }

@@ -13,13 +13,6 @@
 // Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
 // a fifth of both squares and of the way, crossings alike within a half, and a fiftieth of what the
 // log tells. The fewest blocks are taken that tell a quarter of what the best do.
-//
-// A block holds several times the slowest time of the motion: five times that in which its
-// autocorrelation first falls to zero, about its mean, and for a position about a line. That is
-// more than a period of a swing. (A position that does so in no tenth of the log travels: then its
-// rate counts.) Shorter blocks show neither a swing nor a run-down as a whole, and nothing is kept
-// out then. An axis that goes there once and back once can show no more than that: its blocks are
-// as short as they must be.
 // Cost: O(n) for each number of blocks.
 //
 // Several axes in one log, as a robot's, are split together: into as few blocks as give most axes
@@ -38,12 +31,10 @@
 namespace graybox {
 
 struct KeptOutBlocks {
-  Eigen::Index count = 2;    // of equal length, the first in the fit
-  std::string reason;        // why no halves; empty: halves
-  bool is_fair = true;       // false: no number of blocks gives both their share; count is 2
-  bool is_slow = false;      // some would, and are too short for the slowest time of the motion
-  Eigen::Index slowest = 0;  // that, in samples
-  std::size_t axis = 0;      // of several: the first whose halves are not alike
+  Eigen::Index count = 2;  // of equal length, the first in the fit
+  std::string reason;      // why no halves; empty: halves
+  bool is_fair = true;     // false: no number of blocks gives both their share; count is 2
+  std::size_t axis = 0;    // of several: the first whose halves are not alike
 };
 
 struct DrivenAxis {
@@ -53,10 +44,6 @@ struct DrivenAxis {
 // Drive and motion of what is to be split, without gaps.
 [[nodiscard]] KeptOutBlocks kept_out_blocks(const Eigen::VectorXd& drive,
                                             const Eigen::VectorXd& motion, bool is_velocity);
-
-// Samples in which the autocorrelation of a motion first falls to zero, as said above; all where it
-// does not.
-[[nodiscard]] Eigen::Index slowest_time(const Eigen::VectorXd& motion, bool is_velocity);
 
 // `lost`: samples that a filter takes from each block.
 [[nodiscard]] KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Eigen::Index lost);

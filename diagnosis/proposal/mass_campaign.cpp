@@ -206,12 +206,10 @@ class MassCampaign {
                 blocks_.reason + ", so halves would not be alike");
     } else if (!blocks_.is_fair) {
       add_guess(proposal_, "kept out", "nothing",
-                blocks_.reason + (blocks_.is_slow
-                                      ? ", and shorter parts would not hold the slowest motion"
-                                      : ", and no split gives each part its share"));
+                blocks_.reason + ", and no split gives each part its share");
       proposal_.notes.push_back(
-          "nothing is kept out, so nothing will test what is found: a law that only resembles what "
-          "is there is not told from it. Record another run and give both logs");
+          "nothing is kept out, so nothing will test what is found: record "
+          "another run and give both logs");
     } else {
       add_guess(proposal_, "kept out", "the second half", "checks the fit");
     }

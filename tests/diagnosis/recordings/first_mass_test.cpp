@@ -239,53 +239,6 @@ TEST(KeptOutBlocks, StartsAreShared) {
   EXPECT_GT(more.count, 2);
 }
 
-// A chirp of 1.4 s on an arm that swings at 2.5 Hz: parts of a period or less show no swing. The
-// same chirp over a long log is cut.
-TEST(KeptOutBlocks, APartHoldsSeveralTimesTheSlowestMotion) {
-  constexpr double kStep = 0.002, kSwing = 2.0 * std::numbers::pi * 2.5;
-  const auto split_of = [](Index samples, bool is_velocity) {
-    VectorXd force(samples), angle(samples), speed(samples);
-    double q = 0.0, v = 0.0;
-    for (Index k = 0; k < samples; ++k) {
-      const double t = kStep * static_cast<double>(k);
-      const double end = kStep * static_cast<double>(samples);
-      force(k) = std::sin(2.0 * std::numbers::pi * (1.0 + 4.5 * t / end) * t);
-      angle(k) = q;
-      speed(k) = v;
-      v += kStep * (400.0 * force(k) - 2.0 * v - kSwing * kSwing * q);
-      q += kStep * v;
-    }
-    return kept_out_blocks(force, is_velocity ? speed : angle, is_velocity);
-  };
-  for (const bool is_velocity : {false, true}) {
-    const KeptOutBlocks fine = split_of(7000, is_velocity);
-    EXPECT_TRUE(fine.is_fair);
-    EXPECT_GT(fine.count, 2);
-    EXPECT_GT(7000 / fine.count, 200);  // samples of a swing
-    const KeptOutBlocks brief = split_of(700, is_velocity);
-    EXPECT_EQ(brief.reason, "the drive's frequency changes along the log");
-    EXPECT_FALSE(brief.is_fair);
-    EXPECT_TRUE(brief.is_slow);
-    EXPECT_EQ(brief.count, 2);
-  }
-}
-
-// A run-down is one motion: no part of it is alike another.
-TEST(KeptOutBlocks, TheSlowestTimeIsThatOfTheMotion) {
-  VectorXd swings(2000), decays(2000), travels(2000);
-  for (Index k = 0; k < 2000; ++k) {
-    const auto t = static_cast<double>(k);
-    swings(k) = std::cos(2.0 * std::numbers::pi * t / 200.0);
-    decays(k) = std::exp(-t / 300.0);
-    travels(k) = 5.0 * t / 200.0 + t * t / 2e5 + 0.5 * swings(k);
-  }
-  EXPECT_NEAR(static_cast<double>(slowest_time(swings, true)), 50.0, 2.0);
-  EXPECT_NEAR(static_cast<double>(slowest_time(swings, false)), 50.0, 2.0);
-  EXPECT_GT(slowest_time(decays, true), 300);
-  // Of what turns on and on, the rate counts.
-  EXPECT_LT(slowest_time(travels, false), 500);
-}
-
 // A push of a few samples can't be shared.
 TEST(KeptOutBlocks, AKickIsNotShared) {
   VectorXd force = VectorXd::Zero(2000);
