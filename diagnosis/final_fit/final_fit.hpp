@@ -48,8 +48,10 @@ class FinalFit {
   [[nodiscard]] std::vector<std::size_t> elsewhere(std::size_t hypothesis) const;
   [[nodiscard]] const UnmodelledForce& rest() const { return *rest_; }
   // As in held_out_judging.hpp.
-  [[nodiscard]] std::optional<HeldOutError> held_out_ahead(double share) const {
-    return error_held_out_ahead(last_, *rest_, share);
+  [[nodiscard]] std::optional<HeldOutError> held_out_ahead(const JudgedModel& model,
+                                                           double share) const {
+    if (!model.fit.usable) return {};
+    return error_held_out_ahead(last_, model.fit.model, *rest_, share);
   }
   [[nodiscard]] std::optional<HeldOutError> law_held_out(const JudgedModel& model) const {
     return law_error_held_out(last_, model);

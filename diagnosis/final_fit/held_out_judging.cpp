@@ -101,13 +101,14 @@ JudgedModel fit_of_kept_out(const LastFit& last) {
   return own;
 }
 
-std::optional<HeldOutError> error_held_out_ahead(const LastFit& last, const UnmodelledForce& rest,
-                                                 double share) {
+std::optional<HeldOutError> error_held_out_ahead(const LastFit& last,
+                                                 const ExtendedLumpedModel& model,
+                                                 const UnmodelledForce& rest, double share) {
   const std::optional<Index> horizon = rest.foreseeable(share);
   if (!horizon || *horizon == 0 || !last.data->has_validation()) return {};
   const PredictionTask task = last.data->windows(*horizon, ExperimentRole::kValidation);
   const PredictionFitter ahead = last.fitter(task);
-  const PredictionFit run = ahead.fit(last.found.fit.model, last.weights, {}, 0, false);
+  const PredictionFit run = ahead.fit(model, last.weights, {}, 0, false);
   if (!run.usable || task.runs.front().counted() == 0) return {};
   return HeldOutError{*horizon, ahead.errors(run, last.weights)};
 }

@@ -38,9 +38,10 @@ void judge_held_out(const LastFit& last, JudgedModel& model);
 // The model found, fitted to the recordings kept out by themselves; unusable without any.
 [[nodiscard]] JudgedModel fit_of_kept_out(const LastFit& last);
 
-// The error of the model found, as far ahead as the remaining force costs at most `share` of each
-// output's signal. None: no recordings were kept out, or it costs more everywhere.
+// The error of a model, as far ahead as the force that remains beside the one found costs at most
+// `share` of each output's signal. None: no recordings were kept out, or it costs more everywhere.
 [[nodiscard]] std::optional<HeldOutError> error_held_out_ahead(const LastFit& last,
+                                                               const ExtendedLumpedModel& model,
                                                                const UnmodelledForce& rest,
                                                                double share);
 

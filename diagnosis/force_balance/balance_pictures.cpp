@@ -31,6 +31,11 @@ void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index
     widen(position, piece.position.col(j));
     widen(velocity, piece.velocity.col(j));
   }
+  CheckedRange::Span recorded = velocity;
+  for (const ForceBalanceRows* all : {&data.estimation, &data.validation}) {
+    for (const Motion& piece : all->pieces) widen(recorded, piece.velocity.col(j));
+  }
+  range.recorded.push_back(std::move(recorded));
   if (data.position_is_recorded) range.spans.push_back(std::move(position));
   range.spans.push_back(std::move(velocity));
   range.spans.push_back({moving.channel(), moving.units.force, rows.measured.col(j).minCoeff(),

@@ -14,6 +14,7 @@ struct CheckedRange {
     double from = 0.0, to = 0.0;
   };
   std::vector<Span> spans;
+  std::vector<Span> recorded;          // velocities in all recordings, those of the fit, too
   std::vector<std::string> positions;  // of a robot, in words; empty: the spans say all
   std::vector<std::string> files;      // that it was checked on
   bool kept_out = false;               // of the fit; else they are those of the fit

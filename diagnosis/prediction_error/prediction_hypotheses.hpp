@@ -37,8 +37,8 @@ class PredictionHypotheses {
   // One that acts in the few moments in which something changes: a late channel, or dry friction,
   // where the motion stops or turns.
   [[nodiscard]] bool acts_in_moments(std::size_t hypothesis) const;
-  // A weight that pulls about as this spring of the model does, by least squares over the motion, in
-  // its place; none where no angle is measured, or hardly a part of a turn.
+  // A weight that pulls about as this spring of the model does, by least squares over the motion.
+  // None where no angle is measured, or hardly a part of a turn.
   [[nodiscard]] std::optional<LawExtension> weight_like(const ExtendedLumpedModel& present,
                                                         std::size_t spring,
                                                         const Eigen::MatrixXd& motion) const;

@@ -31,6 +31,7 @@ constexpr double kEnergyMargin = 1.1;  // over what the poorer model fed in
 constexpr double kWandered = 1.5;      // of what is stated, either way
 constexpr double kMuch = 0.1;          // of the signal
 constexpr double kClimbed = 0.9;       // of what free run leaves
+constexpr double kSameCost = 0.02;     // more of it is no worse, however surely
 
 bool leaves_much(const VectorXd& left) { return left.maxCoeff() > kMuch; }
 
@@ -356,7 +357,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     }
     const double behind = tried[i].fit.cost - tried[best].fit.cost;
     const bool is_equal =
-        behind < options_.same_cost * tried[best].fit.cost ||
+        behind < kSameCost * tried[best].fit.cost ||
         (behind < (1.0 - options_.equal_gain) * (state.fit.cost - tried[best].fit.cost) &&
          (is_gradual_friction(tried[best].fit.model) ||
           z_between(tried[i].fit, tried[best].fit) < options_.equal_errors));

@@ -60,7 +60,6 @@ struct PredictionSearchOptions {
   double least_gain_mode = 0.3;        // by something that swings: it imitates much
   double equal_errors = 2.5;           // z within which another law is no better
   double equal_gain = 0.85;            // share of the best one's gain
-  double same_cost = 0.02;             // more of it is no worse, however surely
   double rival_errors = 2.0;           // z within which a law is not excluded
   double at_noise = 1.05;              // times the sensors' noise: nothing to see
   double at_rounding = 1.3;            // likewise, where it may be rounding

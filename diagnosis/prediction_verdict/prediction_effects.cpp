@@ -56,7 +56,15 @@ std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& wit
   constexpr double kAsGoodAsNothing = 5.0;  // % of the signal
   const auto effect = effect_between(from_.final->law_held_out(without),
                                      from_.final->law_held_out(from_.final->found()));
-  if (!effect || !effect->misleads || effect->error_with > kAsGoodAsNothing) return effect;
+  if (!effect || !effect->misleads) return effect;
+  // Over whole runs the force that remains adds up to more than a law does.
+  if (effect->seconds_ahead == 0.0) {
+    const auto ahead = effect_between(from_.final->held_out_ahead(without, kDisturbedShare),
+                                      from_.final->held_out_ahead(from_.final->found(),
+                                                                  kDisturbedShare));
+    return ahead ? ahead : effect;
+  }
+  if (effect->error_with > kAsGoodAsNothing) return effect;
   // So little ahead hardly anything is missed with or without it.
   const auto judged = effect_between(from_.final->held_out_as_judged(without),
                                      from_.final->held_out_as_judged(from_.final->found()));

@@ -162,7 +162,8 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   for (Index j = 0; j < from_.data->output_count(); ++j) {
     if (percent(judged.error, j) <= limits(j)) continue;
     // Nobody foresees a disturbance: as far ahead as it matters little.
-    if (const auto ahead = from_.final->held_out_ahead(kForeseen / 100.0)) judged = *ahead;
+    const auto ahead = from_.final->held_out_ahead(found, kForeseen / 100.0);
+    if (ahead) judged = *ahead;
     break;
   }
   const std::string ahead =

@@ -86,7 +86,7 @@ Eigen::VectorXd clear_rate(const Eigen::VectorXd& values, int order, double nois
   return {};
 }
 
-// Where no rate stands out from noise: what is left of its mean takes the whole recording to change.
+// Where no rate stands out from noise: what deviates from the mean takes the whole recording.
 Eigen::VectorXd rate_in_all(const Eigen::VectorXd& values, int order, double sample_time) {
   const double duration = sample_time * static_cast<double>(values.size());
   return (values.array() - (order == 0 ? 0.0 : values.mean())) / std::pow(duration, order);

@@ -84,7 +84,7 @@ void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diag
                          std::ranges::any_of(diagnosis.effects, is_friction, &FoundEffect::law);
     if (force.law != "offset" || is_told) continue;
     const std::string moving = force.place.substr(0, force.place.find('.'));
-    for (const CheckedRange::Span& span : diagnosis.checked.spans) {
+    for (const CheckedRange::Span& span : diagnosis.checked.recorded) {
       if (span.quantity != "velocity of " + moving) continue;
       const double fastest = std::max(-span.from, span.to);
       if (std::min(-span.from, span.to) > kBack * fastest) continue;

@@ -45,8 +45,8 @@ bool is_worth_more(const Diagnosis& balanced, const RigidRobotModel& drive,
   return is_nearer && short_of > kFar;
 }
 
-// Whether the prediction error has found what takes nearly all of the force, and nothing of the rest
-// depends on the motion. A balance can't find more then, and recordings that differ stay so.
+// Whether the prediction error has found what takes nearly all of the force, and nothing of what is
+// left depends on the motion. A balance can't find more then, and recordings that differ stay so.
 bool accounts_for_force(const DiagnosisAnswer& predicted) {
   constexpr double kNearly = 10.0;  // % of the forces that act
   const Diagnosis& diagnosis = predicted.diagnosis;

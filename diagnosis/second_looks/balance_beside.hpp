@@ -1,8 +1,9 @@
 // A second look at a drive by its balance of forces, beside a diagnosis by prediction error.
 //
-// It is asked where the prediction error came to no answer; and where it found late sensors or
-// things that swing, and nothing else. What moves slowly is foretold nearly as well whatever pushes
-// it. The balance tells forces there.
+// It is asked where the prediction error came to no answer, unless what it found takes nearly all
+// of the force. And it is asked where that found late sensors or things that swing, and nothing
+// else. What moves slowly is foretold nearly as well whatever pushes it. The balance tells forces
+// there.
 #pragma once
 
 #include <optional>

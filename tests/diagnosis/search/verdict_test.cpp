@@ -229,7 +229,8 @@ TEST(AnswerAdvice, CallsAConstantForceDryFrictionWhereTheMotionGoesOneWay) {
   const std::vector<Hypothesis> hypotheses{{"axis", "", "offset", {}}, {"axis", "", "coulomb", {}}};
   const auto said = [&](double from, double to, bool beside_friction) {
     Diagnosis diagnosis;
-    diagnosis.checked.spans = {{"velocity of axis", "rad/s", from, to}};
+    diagnosis.checked.spans = {{"velocity of axis", "rad/s", 0.0, 20.0}};  // kept out
+    diagnosis.checked.recorded = {{"velocity of axis", "rad/s", from, to}};
     diagnosis.effects.push_back({{0, {}}, 0.9, 10.0, {}, {}, {}});
     if (beside_friction) diagnosis.effects.push_back({{1, {}}, 0.9, 10.0, {}, {}, {}});
     tell_one_way_forces(hypotheses, diagnosis);
