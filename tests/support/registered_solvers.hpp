@@ -40,7 +40,7 @@ inline bool promises_the_gap(const Solver& solver) {
   return solver.traits().reachable_gap <= kGap && !solver.name().starts_with("nlopt_");
 }
 
-// Seconds. Those that promise have none: a machine that is busy fails no test, and a stall ends at the
+// Seconds. Those that promise have none: a busy machine fails no test, and a stall ends at the
 // back-end's own limit of iterations or at ctest's time, both of which are failures.
 inline double time_limit(const Solver& solver) {
   return promises_the_gap(solver) ? std::numeric_limits<double>::infinity() : 0.5;
