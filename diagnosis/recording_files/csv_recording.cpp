@@ -27,6 +27,7 @@ namespace {
 
 constexpr std::size_t kShownOfField = 40;
 constexpr std::string_view kComment = "Comment";  // LabVIEW's last column, mostly empty
+constexpr std::size_t kLongestTitle = 400;  // what is longer is text, and would fill every message
 
 // "speed [rpm]" or "speed (rpm)" is the column speed in rpm.
 RecordedColumn titled(std::string_view title) {
@@ -51,7 +52,7 @@ std::vector<RecordedColumn> header_columns(const std::string& path,
     for (std::size_t k = 0; k + 1 < columns.size(); ++k) {
       if (!columns[k].name.empty() && columns[k].name == columns.back().name) {
         throw InputError(fmt::format("{}: header: two columns are called '{}'{}", path,
-                                     columns.back().name, above));
+                                     shortened(columns.back().name), above));
       }
     }
   }
@@ -535,6 +536,15 @@ void read_samples_beside_settings(TableLines& lines, RecordingFile& file) {
       file.path, name));
 }
 
+void refuse_long_titles(const RecordingFile& file) {
+  for (const RecordedColumn& column : file.columns) {
+    if (column.name.size() <= kLongestTitle) continue;
+    throw InputError(fmt::format(
+        "{}: header: '{}' has {} characters, {} at most: give the column a shorter name", file.path,
+        shortened(column.name, kShownOfField), column.name.size(), kLongestTitle));
+  }
+}
+
 // Words where numbers should begin: what was taken for the header may be a title.
 void refuse_words(const std::string& path, std::size_t line,
                   const std::vector<std::string_view>& fields) {
@@ -545,7 +555,7 @@ void refuse_words(const std::string& path, std::size_t line,
   throw InputError(fmt::format(
       "{}: line {}: '{}' is no number, nor a name of each column: delete what stands above the "
       "header, or begin it with #",
-      path, line, fields.front()));
+      path, line, shortened(fields.front())));
 }
 
 }  // namespace
@@ -568,6 +578,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   more = counted ? read_counted_header(*counted, lines, line, splitter, file)
                  : read_header(lines, line, splitter, file);
   for (std::size_t k = 0; k < header; ++k) take_stated_units(lines.head()[k].text, file);
+  refuse_long_titles(file);
   if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
   const std::size_t named = file.columns.size();
   const bool joins_day = more && has_day_apart(splitter.split(line), named, line);

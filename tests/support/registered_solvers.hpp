@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -39,7 +40,10 @@ inline bool promises_the_gap(const Solver& solver) {
   return solver.traits().reachable_gap <= kGap && !solver.name().starts_with("nlopt_");
 }
 
-// Seconds: for those that promise, far above what any test needs, so that a stall is a failure.
-inline double time_limit(const Solver& solver) { return promises_the_gap(solver) ? 60.0 : 0.5; }
+// Seconds. Those that promise have none: a busy machine fails no test, and a stall ends at the
+// back-end's own limit of iterations or at ctest's time, both of which are failures.
+inline double time_limit(const Solver& solver) {
+  return promises_the_gap(solver) ? std::numeric_limits<double>::infinity() : 0.5;
+}
 
 }  // namespace graybox::testing_solvers

@@ -243,6 +243,11 @@ TEST_F(Recordings, DamagedTablesAreRefusedWithTheirLine) {
   refused("u;y\n1,000,000;2\n", "write a decimal point");
   refused("u;y\n1.000,5;2\n", "write a decimal point");
   refused("u,u\n1,2\n", "two columns are called 'u'");
+  // Neither a message nor a name is as long as what a damaged file holds.
+  const std::string endless(5000, 'u');
+  refused("t," + endless + "\n1,2\n", "has 5000 characters, 400 at most");
+  refused("# t " + endless + "\n1 2\n3 4\n", "has 5000 characters, 400 at most");
+  refused(endless + "," + endless + "\n1,2\n", "characters) ... u");
   refused("u,y\n", "no numbers");
   refused("", "empty");
 }
