@@ -15,7 +15,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kLargestShare = 0.01;  // of the acceleration's variance
+constexpr double kLargestShare = 0.01, kSmallShare = 5e-4;  // of the acceleration's variance
 constexpr double kHighest = 0.4;        // of the sample rate
 constexpr double kStep = 1.25;
 constexpr double kFewestWaves = 10.0;
@@ -84,7 +84,8 @@ std::optional<double> low_pass_for_acceleration(std::span<const MotionSamples> r
   if (own.share() <= kLargestShare) return {};
   for (double frequency = highest; frequency * duration >= kFewestWaves; frequency /= kStep) {
     const AccelerationPower below = power_below(frequency / kStep, used);
-    if (own.share() <= kLargestShare && !adds_noise(own, below)) return frequency;
+    const bool is_quiet = own.share() <= kSmallShare;  // smooth motion has no more above
+    if (own.share() <= kLargestShare && (is_quiet || !adds_noise(own, below))) return frequency;
     own = below;
   }
   return {};

@@ -26,10 +26,10 @@ struct MotionSamples {
   int derivatives = 2;       // to the acceleration: 2 of a position, 1 of a velocity
 };
 
-// The highest frequency, Hz, of a ladder below the Nyquist frequency at which that variance is at
-// most 1 % of the acceleration's, and at most half of what the last step of the ladder lets
-// through. There is none where even unfiltered motions allow for 1 %, or where no frequency does
-// that lets ten waves into the longest recording.
+// The highest frequency, Hz, of a ladder below the Nyquist frequency that passes little noise: at
+// most 1 % of the acceleration's variance, and at most half of what the last step of the ladder
+// lets through. From 0.05 % on the half is not asked. There is none where even unfiltered motions
+// allow for 1 %, or where no frequency does that lets ten waves into the longest recording.
 [[nodiscard]] std::optional<double> low_pass_for_acceleration(
     std::span<const MotionSamples> records);
 

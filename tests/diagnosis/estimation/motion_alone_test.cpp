@@ -94,6 +94,111 @@ TEST_P(FreeSwing, TellsTheWeightRelativeToTheInertia) {
 
 INSTANTIATE_TEST_SUITE_P(OfAPendulum, FreeSwing, ::testing::Bool());
 
+// m v' = -friction - drag v^2 of a drum that coasts, read as a speed alone, in any unit: from where
+// it is let go to where it still turns.
+std::string run_down(double friction, double drag, double unit, unsigned seed) {
+  std::mt19937 engine(seed);
+  std::normal_distribution<double> noise(0.0, 2e-3);
+  std::string text = "t,speed\n";
+  double v = 9.0;
+  for (int k = 0; v > 1.5; ++k) {
+    if (k % 100 == 0)
+      text += fmt::format("{:.1f},{:.9g}\n", 0.01 * k, unit * (v + noise(engine)));
+    v -= 0.01 * (friction + drag * v * v);
+  }
+  return text;
+}
+
+PredictionDiagnosis diagnosis_of_run_down(double unit) {
+  const testing::TemporaryFolder folder;
+  write(folder.file("a.csv"), run_down(0.05, 2e-3, unit, 1));
+  write(folder.file("b.csv"), run_down(0.05, 2e-3, unit, 2));
+  write(folder.file("model.yaml"),
+        "format: graybox-lumped/1\nsample_time: 1\nmotion: translation\nmasses: {drum: 1}\n"
+        "elements:\n  - {name: bearing, location: {kind: element, mass: drum}, law: viscous, "
+        "parameters: {damping: {value: 0.01, unit: N s/m}}}\n"
+        "outputs:\n  - {name: speed, mass: drum, quantity: velocity}\n");
+  write(folder.file("campaign.yaml"),
+        "format: graybox-campaign/1\nsample_time: 1\nchannels:\n"
+        "  - {name: speed, column: speed, unit: m/s, is: output}\nhold: zero\n"
+        "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  return diagnosis_in(folder);
+}
+
+// No spring pulls at what goes on and on; friction and drag, which one by one bend the wrong way,
+// are found together, whatever the unit of the speed.
+TEST(RunDowns, TellFrictionAndDragTogetherInAnyUnit) {
+  for (const double unit : {1.0, 100.0}) {
+    const PredictionDiagnosis result = diagnosis_of_run_down(unit);
+    const FoundEffect* friction = effect_of(result, "coulomb");
+    const FoundEffect* drag = effect_of(result, "quadratic_drag");
+    ASSERT_NE(friction, nullptr) << unit;
+    ASSERT_NE(drag, nullptr) << unit;
+    EXPECT_NEAR(parameter(*friction, "level"), 0.05 * unit, 0.005 * unit);
+    EXPECT_NEAR(parameter(*drag, "coefficient"), 2e-3 / unit, 4e-4 / unit);
+    for (const FoundEffect& effect : result.diagnosis.effects) {
+      for (const std::vector<Rival>* others : {&effect.rivals, &effect.excluded}) {
+        for (const Rival& other : *others) {
+          const std::string& law = result.hypotheses[other.law.hypothesis].law;
+          EXPECT_EQ(law.find("spring"), std::string::npos);
+          EXPECT_NE(law, "stiffness");
+          EXPECT_NE(law, "dead_zone");
+        }
+      }
+    }
+  }
+}
+
+// J q'' = torque - 0.02 q' - 6 sin q with q from where it hangs, swung up by a torque that pumps.
+std::string swing_up(unsigned seed) {
+  std::mt19937 engine(seed);
+  std::normal_distribution<double> noise(0.0, 1e-3), draw(0.0, 0.6);
+  std::string text = "t,torque,angle\n";
+  double q = 0.3, v = 0.0, torque = 0.0;
+  constexpr double kInertia = 0.3, kStep = 1e-3;
+  for (int k = 0; k < 3000; ++k) {
+    if (k % 10 == 0) {
+      torque = (std::abs(q) < 1.8 ? 1.5 : -0.5) * (v > 0.0 ? 1.0 : -1.0) + draw(engine);
+      text += fmt::format("{:.2f},{:.9g},{:.9g}\n", kStep * k, torque, q + noise(engine));
+    }
+    v += kStep / kInertia * (torque - 0.02 * v - 6.0 * std::sin(q));
+    q += kStep * v;
+  }
+  return text;
+}
+
+PredictionDiagnosis diagnosis_of_swing_up(const SearchOptions& options) {
+  const testing::TemporaryFolder folder;
+  write(folder.file("a.csv"), swing_up(1));
+  write(folder.file("b.csv"), swing_up(2));
+  write(folder.file("model.yaml"),
+        "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {arm: 0.4}\n"
+        "elements:\n  - {name: bearing, location: {kind: element, mass: arm}, law: viscous, "
+        "parameters: {damping: {value: 0.1, unit: N m s/rad}}}\n"
+        "inputs:\n  - {name: torque, mass: arm}\n"
+        "outputs:\n  - {name: angle, mass: arm, quantity: position}\n");
+  write(folder.file("campaign.yaml"),
+        "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+        "  - {name: torque, column: torque, unit: N m, is: input}\n"
+        "  - {name: angle, column: angle, unit: rad, is: output}\nhold: zero\n"
+        "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  return diagnose_by_prediction(folder.file("model.yaml"),
+                                read_campaign(folder.file("campaign.yaml")), options, 2);
+}
+
+// A weight, and no spring, wherever the angle is counted from; without the law nobody says that
+// nothing is missing.
+TEST(Pendulums, HaveAWeightAndNoSpring) {
+  const PredictionDiagnosis result = diagnosis_of_swing_up({});
+  const FoundEffect* weight = effect_of(result, "gravity");
+  ASSERT_NE(weight, nullptr);
+  EXPECT_NEAR(parameter(*weight, "sine"), 6.0, 0.6);
+  EXPECT_EQ(effect_of(result, "stiffness"), nullptr);
+  SearchOptions options;
+  options.excluded_laws = {"gravity", "stiffness", "cubic_spring", "dead_zone", "ripple"};
+  EXPECT_NE(diagnosis_of_swing_up(options).diagnosis.verdict, Verdict::kNone);
+}
+
 // f = k x + 60 z with the Bouc-Wen x of k 2000, yield 0.004, exponent 1.5, shape 0.6.
 std::string hysteresis(double amplitude, unsigned seed) {
   std::mt19937 engine(seed);

@@ -17,6 +17,7 @@
 #include "diagnosis/evidence/trend_reason.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/hypotheses/law_trend.hpp"
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/search/diagnosis_search.hpp"
 #include "problems/base/random.hpp"
@@ -155,6 +156,23 @@ TEST(LawTrends, BeyondZeroALineSaysNoMoreThanNone) {
   const std::array effects{effect};
   EXPECT_EQ(trend_words(trend, effects),
             "level of coulomb at axis: about none N in fast motion, 0.7 in slow motion");
+}
+
+// A run-down has one way, and says nothing of the other.
+TEST(RateCovariates, CompareDirectionsWhereItMovesBothWays) {
+  const Eigen::VectorXd there = Eigen::VectorXd::LinSpaced(100, 9.0, 0.5);
+  Eigen::VectorXd back = there;
+  back.tail(50) *= -1.0;
+  const auto compares = [](const Eigen::VectorXd& rate) {
+    std::vector<TrendCovariate> covariates;
+    append_rate_covariates(rate, covariates);
+    return std::ranges::any_of(covariates, [](const TrendCovariate& covariate) {
+      return covariate.on == LawTrend::On::kDirection;
+    });
+  };
+  EXPECT_FALSE(compares(there));
+  EXPECT_FALSE(compares(-there));
+  EXPECT_TRUE(compares(back));
 }
 
 }  // namespace
