@@ -84,7 +84,7 @@ void YamlField::fail(const std::string& message) const {
   const YAML::Mark mark = node_.Mark();
   const std::string where = mark.is_null() ? file_ : fmt::format("{}:{}", file_, mark.line + 1);
   if (path_.empty()) throw InputError(fmt::format("{}: {}", where, message));
-  throw InputError(fmt::format("{}: {}: {}", where, path_, message));
+  throw InputError(fmt::format("{}: {}: {}", where, shortened(path_, 300), message));
 }
 
 void YamlField::allow_keys(std::initializer_list<std::string_view> keys) const {
