@@ -141,7 +141,7 @@ std::string text_of_channels(const Json& channels) {
   return text;
 }
 
-// Of those in the file; resampled ones may be more than the rows that they come from.
+// The samples used, and the file's. Resampled ones may be more than the rows that they come from.
 std::string words_of_samples(const Json& experiment, bool is_resampled) {
   const auto used = experiment["used_samples"].get<std::size_t>(),
              rows = experiment["samples"].get<std::size_t>();

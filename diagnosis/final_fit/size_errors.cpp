@@ -43,7 +43,7 @@ PredictionFit fitted_at(const LastFit& last, const PredictionTask& task) {
   return other.fit(last.found.fit.model, weights, {}, kLastFitIterations);
 }
 
-// Of the model found, with what other windows disagree by.
+// The errors of the model found, with what fits over other windows disagree by.
 VectorXd with_disagreement(const LastFit& last, VectorXd deviations) {
   const std::optional<PredictionTask> task = another_horizon(last);
   if (!task) return deviations;

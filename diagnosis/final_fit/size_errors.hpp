@@ -14,10 +14,10 @@
 
 namespace graybox {
 
-// Of the free parameters, in their units: of one fit alone.
+// Standard errors of the free parameters, in their units, by one fit alone.
 [[nodiscard]] Eigen::VectorXd deviations_of(const PredictionFit& fit);
 
-// The same, by slopes at the weights of the fit.
+// Those errors by slopes that are the median of three steps, at the weights of the last fit.
 [[nodiscard]] Eigen::VectorXd steady_deviations(const LastFit& last, const PredictionFit& fit);
 
 // Those of the model found, with what other windows disagree by.

@@ -20,6 +20,11 @@ void append_position_covariates(const VectorXd& position, std::vector<TrendCovar
   covariates.push_back({LawTrend::On::kPosition, (0.5 * angle.sin()).matrix()});
 }
 
+double lesser_way(const VectorXd& rate) {
+  return std::min(rate.cwiseMax(0.0).squaredNorm(), rate.cwiseMin(0.0).squaredNorm()) /
+         std::max(rate.squaredNorm(), 1e-300);
+}
+
 void append_rate_covariates(const VectorXd& rate, std::vector<TrendCovariate>& covariates) {
   constexpr double kSlow = 0.3;      // of the rms
   constexpr double kBothWays = 0.05;  // of the squared velocity, in the direction that has less
@@ -27,9 +32,7 @@ void append_rate_covariates(const VectorXd& rate, std::vector<TrendCovariate>& c
   if (!(scale > 0.0)) return;
   const Eigen::ArrayXd share = rate.array() / scale;
   covariates.push_back({LawTrend::On::kSpeed, (-share.abs()).exp().matrix()});
-  const double backward = share.min(0.0).matrix().squaredNorm();
-  const double all = share.matrix().squaredNorm();
-  if (std::min(backward, all - backward) < kBothWays * all) return;
+  if (lesser_way(rate) < kBothWays) return;
   covariates.push_back({LawTrend::On::kDirection, (0.5 * share.tanh()).matrix()});
 }
 

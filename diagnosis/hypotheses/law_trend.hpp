@@ -33,6 +33,9 @@ struct TrendCovariate {
 // A line and a wave over the way that was gone; none where nothing moves.
 void append_position_covariates(const Eigen::VectorXd& position,
                                 std::vector<TrendCovariate>& covariates);
+// The direction that has less of a motion: its share of the squared velocities.
+[[nodiscard]] double lesser_way(const Eigen::VectorXd& rate);
+
 // Slow or fast; there or back, where it moves both ways.
 void append_rate_covariates(const Eigen::VectorXd& rate, std::vector<TrendCovariate>& covariates);
 

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/hypotheses/law_trend.hpp"
 
 namespace graybox {
 namespace {
@@ -111,7 +112,7 @@ bool tells_scale(const LumpedParameter& parameter) {
 struct PredictionHypotheses::MotionAt {
   std::vector<double> sizes, rates;  // |z - median|, |z'|, sorted
   double range = 0.0, largest = 0.0, rms_rate = 0.0, force = 0.0;
-  double lesser_way = 0.0;       // of the sum of squared velocities: the direction that has less
+  double lesser_way = 0.0;       // law_trend.hpp
   bool is_of_free_mass = false;  // against the ground
   [[nodiscard]] double size(double share) const { return quantile_of(sizes, share); }
   [[nodiscard]] double rate(double share) const { return quantile_of(rates, share); }
@@ -308,8 +309,7 @@ PredictionHypotheses::MotionAt PredictionHypotheses::motion_at(
   at.range = z.maxCoeff() - z.minCoeff();
   at.largest = std::max(z.cwiseAbs().maxCoeff(), 1e-300);
   at.rms_rate = std::max(std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size())), 1e-300);
-  at.lesser_way = std::min(rate.cwiseMax(0.0).squaredNorm(), rate.cwiseMin(0.0).squaredNorm()) /
-                  std::max(rate.squaredNorm(), 1e-300);
+  at.lesser_way = lesser_way(rate);
   at.force = data_->force_scale();
   return at;
 }

@@ -100,7 +100,7 @@ class JoinedRecordings {
     append(followed(motion).front(), rate_);
   }
   [[nodiscard]] bool go_both_ways() const { return moves_both_ways(rate_); }
-  // Of a drive of nearly one sign, with the few samples of the other one as zeros.
+  // Whether a drive of nearly one sign lost it: its few samples of the other one count as zeros.
   [[nodiscard]] bool have_lost_sign() const {
     const Eigen::VectorXd drive = drive_.sum() < 0.0 ? Eigen::VectorXd(drive_.cwiseMin(0.0))
                                                      : Eigen::VectorXd(drive_.cwiseMax(0.0));

@@ -20,6 +20,19 @@ void write(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file) << text;
 }
 
+std::string channel(const char* name, const char* unit, const char* role) {
+  return fmt::format("  - {{name: {0}, column: {0}, unit: {1}, is: {2}}}\n", name, unit, role);
+}
+
+// The log a.csv in the fit and b.csv kept out, with held inputs.
+void write_campaign(const testing::TemporaryFolder& folder, const char* sample_time,
+                    const std::string& channels) {
+  write(folder.file("campaign.yaml"),
+        fmt::format("format: graybox-campaign/1\nsample_time: {}\nchannels:\n{}hold: zero\n"
+                    "experiments:\n  - file: a.csv\n  - {{file: b.csv, role: validation}}\n",
+                    sample_time, channels));
+}
+
 PredictionDiagnosis diagnosis_in(const testing::TemporaryFolder& folder) {
   return diagnose_by_prediction(folder.file("model.yaml"),
                                 read_campaign(folder.file("campaign.yaml")), {}, 2);
@@ -70,18 +83,15 @@ TEST_P(FreeSwing, TellsTheWeightRelativeToTheInertia) {
   write(folder.file("a.csv"), free_swing(1.6, 1, GetParam()));
   write(folder.file("b.csv"), free_swing(1.2, 2, GetParam()));
   const std::string input = "inputs:\n  - {name: torque, mass: arm}\n";
-  const std::string channel = "  - {name: torque, column: torque, unit: N m, is: input}\n";
+  const std::string torque = channel("torque", "N m", "input");
   write(folder.file("model.yaml"),
         "format: graybox-lumped/1\nsample_time: 0.01\nmotion: rotation\nmasses: {arm: 1}\n"
         "elements:\n  - {name: bearing, location: {kind: element, mass: arm}, law: viscous, "
         "parameters: {damping: {value: 0.1, unit: N m s/rad}}}\n" +
             (GetParam() ? input : std::string()) +
             "outputs:\n  - {name: angle, mass: arm, quantity: position}\n");
-  write(folder.file("campaign.yaml"),
-        "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n" +
-            (GetParam() ? channel : std::string()) +
-            "  - {name: angle, column: angle, unit: rad, is: output}\nhold: zero\n"
-            "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  write_campaign(folder, "0.01",
+                 (GetParam() ? torque : std::string()) + channel("angle", "rad", "output"));
   const PredictionDiagnosis result = diagnosis_in(folder);
   ASSERT_EQ(result.diagnosis.assumptions.size(), 1U);
   EXPECT_NE(result.diagnosis.assumptions.front().find("arm.inertia was held at 1 kg m^2"),
@@ -118,10 +128,7 @@ PredictionDiagnosis diagnosis_of_run_down(double unit) {
         "elements:\n  - {name: bearing, location: {kind: element, mass: drum}, law: viscous, "
         "parameters: {damping: {value: 0.01, unit: N s/m}}}\n"
         "outputs:\n  - {name: speed, mass: drum, quantity: velocity}\n");
-  write(folder.file("campaign.yaml"),
-        "format: graybox-campaign/1\nsample_time: 1\nchannels:\n"
-        "  - {name: speed, column: speed, unit: m/s, is: output}\nhold: zero\n"
-        "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  write_campaign(folder, "1", channel("speed", "m/s", "output"));
   return diagnosis_in(folder);
 }
 
@@ -177,11 +184,8 @@ PredictionDiagnosis diagnosis_of_swing_up(const SearchOptions& options) {
         "parameters: {damping: {value: 0.1, unit: N m s/rad}}}\n"
         "inputs:\n  - {name: torque, mass: arm}\n"
         "outputs:\n  - {name: angle, mass: arm, quantity: position}\n");
-  write(folder.file("campaign.yaml"),
-        "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
-        "  - {name: torque, column: torque, unit: N m, is: input}\n"
-        "  - {name: angle, column: angle, unit: rad, is: output}\nhold: zero\n"
-        "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  write_campaign(folder, "0.01",
+                 channel("torque", "N m", "input") + channel("angle", "rad", "output"));
   return diagnose_by_prediction(folder.file("model.yaml"),
                                 read_campaign(folder.file("campaign.yaml")), options, 2);
 }
@@ -286,11 +290,8 @@ TEST(OneDriveAndOneSensor, TellADelayButNotWhere) {
         "parameters: {damping: {value: 1.5, unit: N s/m}}}\n"
         "inputs:\n  - {name: force, mass: cart}\n"
         "outputs:\n  - {name: position, mass: cart, quantity: position}\n");
-  write(folder.file("campaign.yaml"),
-        "format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
-        "  - {name: force, column: force, unit: N, is: input}\n"
-        "  - {name: position, column: position, unit: m, is: output}\nhold: zero\n"
-        "experiments:\n  - file: a.csv\n  - {file: b.csv, role: validation}\n");
+  write_campaign(folder, "0.01",
+                 channel("force", "N", "input") + channel("position", "m", "output"));
   const PredictionDiagnosis result = diagnosis_in(folder);
   const FoundEffect* delay = effect_of(result, "delay");
   ASSERT_NE(delay, nullptr);
