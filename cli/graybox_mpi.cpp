@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
 #include "cli/process/start_up.hpp"
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/program_version.hpp"
 #include "problems/files/atomic_file.hpp"
@@ -203,7 +205,10 @@ int main(int argc, char** argv) {
   int code = graybox::cli::kShort;
   try {
     code = graybox::cli::finish(graybox::cli::run(argc, argv), "graybox_mpi");
-  } catch (const std::exception& error) {  // of this process alone: the others wait for it
+  } catch (const std::bad_alloc& error) {  // of this process alone: the others wait for it
+    std::fprintf(stderr, "graybox_mpi: %s\n", graybox::describe_shortage(error).c_str());
+    MPI_Abort(MPI_COMM_WORLD, graybox::cli::kShort);
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "graybox_mpi: %s\n", error.what());
     MPI_Abort(MPI_COMM_WORLD, graybox::cli::kShort);
   }

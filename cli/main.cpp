@@ -102,10 +102,8 @@ int run(int argc, char** argv) {
   } catch (const graybox::Stopped&) {
     complain("stopped before there was anything to hand over");
     return graybox::cli::kShort;
-  } catch (const std::bad_alloc&) {
-    complain("not enough memory for this problem: " +
-             std::to_string(graybox::available_memory() / 1'000'000) +
-             " MB are there; use fewer candidates, samples or threads, or a machine with more");
+  } catch (const std::bad_alloc& error) {
+    complain(graybox::describe_shortage(error));
     return graybox::cli::kShort;
   } catch (const std::exception& error) {
     if (graybox::cli::standard_output_failed()) return graybox::cli::kShort;

@@ -8,11 +8,22 @@
 #include <new>
 #include <utility>
 
+#include "problems/base/available_memory.hpp"
+
 namespace graybox {
 namespace {
 
 constexpr std::size_t kCacheLine = 64;
 constexpr std::size_t kHugePage = std::size_t{2} << 20;
+constexpr std::size_t kLarge = std::size_t{64} << 20;  // filling it takes longer than to ask
+
+// The system grants more than there is, and kills who uses it.
+void require_room(std::size_t bytes) {
+  if (bytes < kLarge) return;
+  if (const std::size_t available = available_memory(); bytes > available) {
+    throw NotEnoughMemory(bytes, available);
+  }
+}
 
 double* allocate(std::size_t size) {
   if (size == 0) return nullptr;
@@ -20,6 +31,7 @@ double* allocate(std::size_t size) {
     throw std::bad_alloc();
   }
   const std::size_t bytes = size * sizeof(double);
+  require_room(bytes);
   const bool huge = bytes >= 2 * kHugePage;
   const std::size_t alignment = huge ? kHugePage : kCacheLine;
   const std::size_t rounded = (bytes + alignment - 1) / alignment * alignment;
@@ -49,15 +61,23 @@ AlignedArray AlignedArray::borrowed(const double* data, std::size_t size) {
   return array;
 }
 
+AlignedArray AlignedArray::kept(std::shared_ptr<const double> data, std::size_t size) {
+  AlignedArray array = borrowed(data.get(), size);
+  array.keeper_ = std::move(data);
+  return array;
+}
+
 AlignedArray::AlignedArray(AlignedArray&& other) noexcept
     : data_(std::exchange(other.data_, nullptr)),
       size_(std::exchange(other.size_, 0)),
-      owns_(std::exchange(other.owns_, true)) {}
+      owns_(std::exchange(other.owns_, true)),
+      keeper_(std::move(other.keeper_)) {}
 
 AlignedArray& AlignedArray::operator=(AlignedArray other) noexcept {
   std::swap(data_, other.data_);
   std::swap(size_, other.size_);
   std::swap(owns_, other.owns_);
+  std::swap(keeper_, other.keeper_);
   return *this;
 }
 

@@ -2,11 +2,16 @@
 // Large arrays ask the system for huge pages: one pass over a gigabyte is then not slowed by
 // address translation.
 //
+// A large array asks first whether there is memory (available_memory.hpp): NotEnoughMemory, a
+// std::bad_alloc, has the bytes.
+//
 // An array may also borrow somebody else's memory, read only, which has to stay for as long as the
-// array lives. A copy of such an array has memory of its own.
+// array lives; or keep it, such as a file that is mapped. A copy of such an array has memory of its
+// own.
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <span>
 
 namespace graybox {
@@ -18,11 +23,15 @@ class AlignedArray {
   AlignedArray(std::size_t size, double value);
   // Not freed here, and not to be written to.
   [[nodiscard]] static AlignedArray borrowed(const double* data, std::size_t size);
+  // Given back with the last array that keeps it, and not to be written to.
+  [[nodiscard]] static AlignedArray kept(std::shared_ptr<const double> data, std::size_t size);
   AlignedArray(const AlignedArray& other);
   AlignedArray(AlignedArray&& other) noexcept;
   AlignedArray& operator=(AlignedArray other) noexcept;
   ~AlignedArray();
 
+  // Somebody else's memory, who may change it.
+  [[nodiscard]] bool is_borrowed() const { return !owns_ && keeper_ == nullptr; }
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] bool empty() const { return size_ == 0; }
   [[nodiscard]] double* data() { return data_; }
@@ -40,6 +49,7 @@ class AlignedArray {
   double* data_ = nullptr;
   std::size_t size_ = 0;
   bool owns_ = true;
+  std::shared_ptr<const double> keeper_;
 };
 
 }  // namespace graybox

@@ -4,51 +4,54 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <fstream>
 #include <limits>
-#include <optional>
 
+#include "problems/base/control_group.hpp"
 #include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {
 
-// The first number after `name` in a file of words; the first number of all for an empty name.
-std::optional<std::size_t> number_in(const char* file, const std::string& name) {
-  std::ifstream stream(file);
-  std::string word;
-  if (!name.empty()) {
-    while (stream >> word && word != name) {
-    }
-  }
-  std::size_t value = 0;
-  if (stream >> value) return value;
-  return std::nullopt;  // no such file, or "max"
-}
-
 std::size_t difference(std::size_t limit, std::size_t used) {
   return limit > used ? limit - used : 0;
+}
+
+// Of a limit of this process, whose use /proc/self/status has under `name` in kilobytes.
+std::size_t left_of(decltype(RLIMIT_AS) resource, const char* name) {
+  rlimit bounds{};
+  if (getrlimit(resource, &bounds) != 0 || bounds.rlim_cur == RLIM_INFINITY) {
+    return std::numeric_limits<std::size_t>::max();
+  }
+  return difference(bounds.rlim_cur, number_in_file("/proc/self/status", name).value_or(0) * 1024);
 }
 
 }  // namespace
 
 std::size_t used_address_space() {
-  return number_in("/proc/self/status", "VmSize:").value_or(0) * 1024;
+  return number_in_file("/proc/self/status", "VmSize:").value_or(0) * 1024;
 }
 
 std::size_t available_memory() {
-  std::size_t least = std::numeric_limits<std::size_t>::max();
-  if (const auto kilobytes = number_in("/proc/meminfo", "MemAvailable:")) {
+  std::size_t least = control_group_room();
+  if (const auto kilobytes = number_in_file("/proc/meminfo", "MemAvailable:")) {
     least = std::min(least, *kilobytes * 1024);
   }
-  const auto group_limit = number_in("/sys/fs/cgroup/memory.max", "");
-  const auto group_used = number_in("/sys/fs/cgroup/memory.current", "");
-  if (group_limit && group_used) least = std::min(least, difference(*group_limit, *group_used));
-  rlimit space{};
-  if (getrlimit(RLIMIT_AS, &space) == 0 && space.rlim_cur != RLIM_INFINITY) {
-    least = std::min(least, difference(space.rlim_cur, used_address_space()));
+  least = std::min(least, left_of(RLIMIT_AS, "VmSize:"));
+  return std::min(least, left_of(RLIMIT_DATA, "VmData:"));
+}
+
+NotEnoughMemory::NotEnoughMemory(std::size_t bytes, std::size_t available)
+    : line_(fmt::format("{:.2g} GB of memory are needed in one piece, {:.2g} GB are there",
+                        static_cast<double>(bytes) / 1e9, static_cast<double>(available) / 1e9)) {}
+
+std::string describe_shortage(const std::bad_alloc& error) {
+  constexpr const char* kRemedy =
+      "use fewer candidates, samples or threads, or a machine (or a limit) with more";
+  if (const auto* known = dynamic_cast<const NotEnoughMemory*>(&error)) {
+    return fmt::format("not enough memory: {}; {}", known->what(), kRemedy);
   }
-  return least;
+  return fmt::format("not enough memory for this problem: {} MB are there; {}",
+                     available_memory() / 1'000'000, kRemedy);
 }
 
 void require_memory(std::size_t bytes, const std::string& what, const std::string& fix) {
@@ -65,7 +68,7 @@ void require_memory_for_numbers(long double count, const std::string& source) {
   if (bytes <= static_cast<long double>(available)) return;
   throw InputError(
       fmt::format("{}: needs {:.2g} bytes of memory, {:.2g} are there; use a part of it, or a "
-                  "machine with more",
+                  "machine (or a limit) with more",
                   source, bytes, static_cast<double>(available)));
 }
 

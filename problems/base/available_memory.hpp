@@ -2,13 +2,29 @@
 #pragma once
 
 #include <cstddef>
+#include <new>
 #include <string>
 
 namespace graybox {
 
-// Bytes that this process may still take: the least of what the system calls available, what is
-// left of the control group's limit and of the process's address space (ulimit -v). Where none of
-// these can be read, the largest number.
+// A large array (aligned_array.hpp) that what is there can't hold. The system would grant it, and
+// kill the process when it is filled.
+class NotEnoughMemory : public std::bad_alloc {
+ public:
+  NotEnoughMemory(std::size_t bytes, std::size_t available);
+  [[nodiscard]] const char* what() const noexcept override { return line_.c_str(); }
+
+ private:
+  std::string line_;
+};
+
+// One line for users: what was needed, where it is known, what is there, and what helps.
+[[nodiscard]] std::string describe_shortage(const std::bad_alloc& error);
+
+// Bytes that this process may still take. That is the least of what the system calls available and
+// of what is left of three limits: those of control groups (control_group.hpp), of the process's
+// address space (ulimit -v) and of its data (ulimit -d). Where none can be read, the largest
+// number.
 [[nodiscard]] std::size_t available_memory();
 
 // Throws InputError with `fix`, what the user can do, if `bytes` for `what` are not available.

@@ -10,10 +10,17 @@
 #include <cstring>
 #include <utility>
 
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
+#include "problems/base/mapped_numbers.hpp"
 #include "problems/files/input_guard.hpp"
 
 namespace graybox {
+namespace {
+
+constexpr std::size_t kAlwaysRead = std::size_t{16} << 20;  // bytes: no need to ask what is there
+
+}  // namespace
 
 InputFile::InputFile(std::string path, InputUse use) : path_(std::move(path)) {
   descriptor_ = open(path_.c_str(), O_RDONLY | O_CLOEXEC);
@@ -59,6 +66,23 @@ void InputFile::read(std::uint64_t offset, void* bytes, std::size_t count) const
     offset += static_cast<std::uint64_t>(got);
     count -= static_cast<std::size_t>(got);
   }
+}
+
+AlignedArray InputFile::numbers(std::uint64_t offset, std::size_t count) const {
+  const std::size_t bytes = count * sizeof(double);
+  if (offset > size_ || bytes > size_ - offset) {
+    throw InputError(
+        fmt::format("{}: truncated: it ends at byte {}, {} are expected from byte {} on; copy it "
+                    "again",
+                    path_, size_, bytes, offset));
+  }
+  if (bytes > kAlwaysRead && bytes > available_memory() / 2) {
+    if (auto mapped = map_numbers(descriptor_, offset, count)) return *std::move(mapped);
+    require_memory_for_numbers(static_cast<long double>(count), path_);
+  }
+  AlignedArray values(count);
+  read(offset, values.data(), bytes);
+  return values;
 }
 
 std::string InputFile::head(std::size_t count) const {

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "problems/base/aligned_array.hpp"
+
 namespace graybox {
 
 // An input of the command (input_guard.hpp), or what it has written itself and will write again.
@@ -23,6 +25,11 @@ class InputFile {
 
   // Reads exactly `count` bytes at `offset`. Throws InputError if the file ends before.
   void read(std::uint64_t offset, void* bytes, std::size_t count) const;
+
+  // `count` float64 numbers at `offset`. In memory; where they would take more than half of what is
+  // there, they stay in the file if they can (mapped_numbers.hpp), else InputError says how much is
+  // missing.
+  [[nodiscard]] AlignedArray numbers(std::uint64_t offset, std::size_t count) const;
 
   // The first bytes, at most `count`.
   [[nodiscard]] std::string head(std::size_t count) const;

@@ -119,7 +119,7 @@ void read_candidates(const std::string& path, hid_t file, StoredSet& set) {
     throw InputError(fmt::format("{}: shape {}: expected one row for each of the {} candidates",
                                  candidates.source, hdf5::shape_text(shape), set.total));
   }
-  candidates.require_stored();
+  candidates.require_stored(hdf5::Reading::kPerhapsLeft);
   set.names = hdf5::read_string_attribute(candidates.source, candidates.dataset, "names");
   set.units = hdf5::read_string_attribute(candidates.source, candidates.dataset, "units");
   if (set.names.empty()) {

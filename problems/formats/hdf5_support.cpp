@@ -131,7 +131,7 @@ long double chunks_of(const Dataset& dataset, hid_t creation) {
 
 }  // namespace
 
-void Dataset::require_stored() const {
+void Dataset::require_stored(Reading reading) const {
   const long double count =
       std::accumulate(shape.begin(), shape.end(), 1.0L, [](long double product, hsize_t extent) {
         return product * static_cast<long double>(extent);
@@ -154,11 +154,11 @@ void Dataset::require_stored() const {
     const auto stored = static_cast<long double>(H5Dget_storage_size(dataset));
     if (stored < needed) fail_incomplete(*this, needed, stored, "bytes");
   }
-  require_memory_for_numbers(count, source);
+  if (reading == Reading::kAll) require_memory_for_numbers(count, source);
 }
 
 StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t count) {
-  table.require_stored();
+  table.require_stored(Reading::kPerhapsLeft);
   const hsize_t width =
       std::accumulate(table.shape.begin() + 1, table.shape.end(), hsize_t{1}, std::multiplies<>());
   StoredNumbers rows;
@@ -169,6 +169,7 @@ StoredNumbers stored_rows(const Dataset& table, std::size_t first, std::size_t c
     rows.offset = address + first * width * sizeof(double);
     return rows;
   }
+  require_memory_for_numbers(static_cast<long double>(rows.count), table.source);
   rows.values = AlignedArray(rows.count);
   if (rows.count == 0) return rows;
   std::vector<hsize_t> start(table.shape.size(), 0), size = table.shape;

@@ -5,6 +5,7 @@
 #include <hdf5.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -65,6 +66,9 @@ herr_t read_dataset(hid_t id, hid_t type, void* buffer);
 [[nodiscard]] std::vector<std::string> read_string_attribute(const std::string& source,
                                                              hid_t object, const char* name);
 
+// What lies in one piece may stay in the file, however large (InputFile::numbers).
+enum class Reading : std::int8_t { kAll, kPerhapsLeft };
+
 struct Dataset {
   // Opens path:/name. Throws InputError if it can't be opened.
   Dataset(const std::string& path, hid_t file, const char* name);
@@ -73,9 +77,9 @@ struct Dataset {
 
   // Throws InputError unless the numbers are floating point.
   void require_floats() const;
-  // Throws InputError unless the file stores as much as the shape says, and memory can hold it as
-  // float64. To be called before memory is taken.
-  void require_stored() const;
+  // Throws InputError unless the file stores as much as the shape says, and, if all is to be read,
+  // memory can hold it as float64. To be called before memory is taken.
+  void require_stored(Reading reading = Reading::kAll) const;
 
   std::string source;  // "file: dataset name", for error messages
   Handle dataset;

@@ -11,8 +11,10 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <new>
 #include <string_view>
 
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
 #include "problems/files/temporary_name.hpp"
@@ -137,8 +139,12 @@ InformationSet read_pipe(const std::string& pipe, const ReadOptions& options) {
 }  // namespace
 
 InformationSet read_information_set(const std::string& path, const ReadOptions& options) {
-  return is_pipe(path) ? read_pipe(path, options)
-                       : read_file(path, options, format_of_extension(path));
+  try {
+    return is_pipe(path) ? read_pipe(path, options)
+                         : read_file(path, options, format_of_extension(path));
+  } catch (const std::bad_alloc& error) {
+    throw InputError(fmt::format("{}: {}", path, describe_shortage(error)));
+  }
 }
 
 void write_information_set(const std::string& path, const InformationSet& set) {

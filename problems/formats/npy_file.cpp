@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/files/atomic_file.hpp"
@@ -159,10 +160,9 @@ AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_
   NumberReader reader(file, layout);
   std::vector<double> column;
   if (!full && !layout.fortran_order && layout.item_bytes == 8) {
-    AlignedArray packed(count * width);
-    reader.read(0, packed.size(), packed.data());
-    return packed;
+    return file.numbers(layout.data_offset, count * width);
   }
+  require_memory_for_numbers(static_cast<long double>(count * packed_size(dimension)), file.path());
   const std::size_t block = std::max<std::size_t>(1, kBufferNumbers / width);
   if (!full) {
     AlignedArray packed(count * width);
@@ -187,11 +187,11 @@ AlignedArray read_values(const InputFile& file, const Layout& layout, std::size_
 AlignedArray read_factor_values(const InputFile& file, const Layout& layout, std::size_t rank) {
   const std::size_t count = layout.shape.front(), d = layout.shape.back(), width = rank * d;
   NumberReader reader(file, layout);
-  AlignedArray factors(count * width);
   if (!layout.fortran_order && layout.item_bytes == 8) {
-    reader.read(0, factors.size(), factors.data());
-    return factors;
+    return file.numbers(layout.data_offset, count * width);
   }
+  require_memory_for_numbers(static_cast<long double>(count * width), file.path());
+  AlignedArray factors(count * width);
   const std::size_t block = std::max<std::size_t>(1, kBufferNumbers / width);
   std::vector<double> column, rows(block * width);
   for (std::size_t first = 0; first < count; first += block) {

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "problems/base/available_memory.hpp"
 #include "problems/files/input_file.hpp"
 #include "problems/formats/symmetric_packer.hpp"
 #include "problems/information/factor_form.hpp"
@@ -24,9 +23,7 @@ StoredNumbers receive_numbers(ReadingProcess& child, const std::string& path) {
     numbers.values = child.numbers(numbers.count);
     return numbers;
   }
-  require_memory_for_numbers(static_cast<long double>(numbers.count), path);
-  numbers.values = AlignedArray(numbers.count);
-  InputFile(path).read(numbers.offset, numbers.values.data(), numbers.count * sizeof(double));
+  numbers.values = InputFile(path).numbers(numbers.offset, numbers.count);
   return numbers;
 }
 

@@ -27,10 +27,12 @@ std::string subject(const std::string& name) { return name.empty() ? "informatio
 
 }  // namespace
 
-struct InformationSet::Matrices {
+struct InformationSet::Derived {
   std::mutex mutex;
-  std::atomic<const double*> data = nullptr;
+  std::atomic<const double*> data = nullptr;  // the matrices of a set in factor form
   AlignedArray packed;
+  std::mutex hash_mutex;
+  std::string hash;
 };
 
 InformationSet::InformationSet(std::size_t dimension, AlignedArray information,
@@ -55,7 +57,7 @@ InformationSet::InformationSet(std::size_t dimension, std::size_t rank, AlignedA
       rank_(rank),
       candidate_count_(dimension == 0 ? 0 : numbers.size() / numbers_each()),
       numbers_(std::move(numbers)),
-      matrices_(rank == 0 ? nullptr : std::make_shared<Matrices>()),
+      derived_(std::make_shared<Derived>()),
       candidates_(std::move(candidates)),
       parameters_(std::move(parameters)),
       name_(std::move(name)) {
@@ -85,7 +87,7 @@ InformationSet::InformationSet(std::size_t dimension, std::size_t rank, AlignedA
 }
 
 bool InformationSet::has_matrices() const {
-  return matrices_ == nullptr || matrices_->data.load(std::memory_order_acquire) != nullptr;
+  return rank_ == 0 || derived_->data.load(std::memory_order_acquire) != nullptr;
 }
 
 std::span<const double> InformationSet::packed(std::size_t candidate,
@@ -96,10 +98,10 @@ std::span<const double> InformationSet::packed(std::size_t candidate,
 }
 
 const double* InformationSet::expanded_data() const {
-  const double* ready = matrices_->data.load(std::memory_order_acquire);
+  const double* ready = derived_->data.load(std::memory_order_acquire);
   if (ready != nullptr) return ready;
-  const std::scoped_lock lock(matrices_->mutex);
-  ready = matrices_->data.load(std::memory_order_acquire);
+  const std::scoped_lock lock(derived_->mutex);
+  ready = derived_->data.load(std::memory_order_acquire);
   if (ready != nullptr) return ready;
   require_memory(candidate_count_ * packed_size_ * sizeof(double),
                  subject(name_) + ": what is asked works on matrices, not factors: all of them",
@@ -109,9 +111,9 @@ const double* InformationSet::expanded_data() const {
     if (i % kCandidatesBetweenStops == 0) stop_if_requested();
     pack_factor(factor(i).data(), rank_, dimension_, packed.data() + i * packed_size_);
   }
-  matrices_->packed = std::move(packed);
-  matrices_->data.store(matrices_->packed.data(), std::memory_order_release);
-  return matrices_->packed.data();
+  derived_->packed = std::move(packed);
+  derived_->data.store(derived_->packed.data(), std::memory_order_release);
+  return derived_->packed.data();
 }
 
 std::span<const double> InformationSet::coordinates(std::size_t candidate) const {
@@ -120,6 +122,13 @@ std::span<const double> InformationSet::coordinates(std::size_t candidate) const
 }
 
 std::string InformationSet::content_hash() const {
+  if (numbers_.is_borrowed()) return computed_hash();
+  const std::scoped_lock lock(derived_->hash_mutex);
+  if (derived_->hash.empty()) derived_->hash = computed_hash();
+  return derived_->hash;
+}
+
+std::string InformationSet::computed_hash() const {
   const std::uint64_t shape[2] = {candidate_count_, dimension_};  // little-endian on x86-64
   Sha256 hash;
   hash.update(shape, sizeof shape);

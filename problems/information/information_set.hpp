@@ -70,7 +70,7 @@ class InformationSet {
 
   // All packed matrices, and the one of a candidate. In factor form the first call makes them all.
   [[nodiscard]] const double* data() const {
-    return matrices_ == nullptr ? numbers_.data() : expanded_data();
+    return rank_ == 0 ? numbers_.data() : expanded_data();
   }
   [[nodiscard]] std::span<const double> information(std::size_t candidate) const {
     return {data() + candidate * packed_size_, packed_size_};
@@ -100,7 +100,7 @@ class InformationSet {
 
   // SHA-256, in hexadecimal, of Q and d as little-endian uint64 followed by the packed doubles.
   // The same in either form, for it names the problem. One pass over the data; in factor form the
-  // matrices are made a few at a time.
+  // matrices are made a few at a time. Kept, unless somebody else owns the numbers.
   [[nodiscard]] std::string content_hash() const;
 
   // The candidates listed, in that order. Throws InputError for an index >= Q.
@@ -112,10 +112,11 @@ class InformationSet {
   void validate() const;
 
  private:
-  struct Matrices;  // of a set in factor form, shared by its copies
+  struct Derived;  // what is made once of the numbers, shared by copies
   InformationSet(std::size_t dimension, std::size_t rank, AlignedArray numbers,
                  CandidateTable candidates, std::vector<std::string> parameters, std::string name);
   [[nodiscard]] const double* expanded_data() const;
+  [[nodiscard]] std::string computed_hash() const;
   [[nodiscard]] std::size_t numbers_each() const {
     return rank_ == 0 ? packed_size_ : rank_ * dimension_;
   }
@@ -125,7 +126,7 @@ class InformationSet {
   std::size_t rank_;
   std::size_t candidate_count_;
   AlignedArray numbers_;
-  std::shared_ptr<Matrices> matrices_;
+  std::shared_ptr<Derived> derived_;
   CandidateTable candidates_;
   std::vector<std::string> parameters_;
   std::string name_;

@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <exception>
+#include <new>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "problems/base/available_memory.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/sha256.hpp"
@@ -36,6 +38,8 @@ std::string error_of(const Work& work) {
   try {
     work();
     return {};
+  } catch (const std::bad_alloc& error) {
+    return describe_shortage(error);
   } catch (const std::exception& error) {
     return error.what();
   }
