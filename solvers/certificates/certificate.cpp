@@ -5,10 +5,12 @@
 #include <limits>
 #include <numeric>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "solvers/certificates/criterion_certificate.hpp"
+#include "solvers/certificates/sensitivity_sieve.hpp"
 #include "solvers/conditioning/extended_information.hpp"
 #include "solvers/conditioning/quadruple.hpp"
 
@@ -17,7 +19,8 @@ namespace {
 
 constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double lose
 
-// The largest sensitivity of the candidates and how far it can be off. Each tr(M^-1 H_i) is known
+// The largest sensitivity of the candidates and how far it can be off. Extended precision reads all
+// candidates, but takes only those that double precision can't rule out. Each tr(M^-1 H_i) is known
 // to within the factors 1/(1 +- residual) and the rounding of its trace.
 template <class Real>
 void price(const InformationSet& set, const InformationIn<Real>& information,
@@ -26,8 +29,16 @@ void price(const InformationSet& set, const InformationIn<Real>& information,
   const Real d(set.dimension()), delta = information.residual(), unit = information.trace_unit(set);
   const auto rounding = static_cast<double>(unit), stretch = static_cast<double>(delta);
   Real largest = 0, highest = 0;
+  double floor = -std::numeric_limits<double>::infinity();
+  if constexpr (std::is_same_v<Real, Extended>) {
+    floor = sieve_sensitivities(set, information, bounds.upper);
+  }
   for (std::size_t k = 0; k < candidates.count; ++k) {
     const std::size_t i = candidates[k];
+    if (bounds.upper[i] < floor) {
+      bounds.upper[i] *= kUp / (1.0 - stretch);
+      continue;
+    }
     const Real sensitivity = information.sensitivity(set, i);
     if (sensitivity > largest) {
       largest = sensitivity;

@@ -80,6 +80,9 @@ class InformationIn {
   // X, d x d row-major: its columns are the parameters in their own order, its rows those in the
   // order of elimination.
   [[nodiscard]] std::span<const Real> inverse_factor() const { return inverse_; }
+  // W = M^-1: in trace-dual packing, and its diagonal.
+  [[nodiscard]] std::span<const Real> dual() const { return dual_; }
+  [[nodiscard]] std::span<const double> diagonal() const { return diagonal_; }
   // The logarithm of the information about the parameter eliminated k-th, given those after it;
   // log_det() is the sum over k.
   [[nodiscard]] Real log_pivot(std::size_t k) const { return log_pivots_[k]; }

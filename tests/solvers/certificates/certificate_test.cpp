@@ -9,6 +9,8 @@
 
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
+#include "solvers/certificates/sensitivity_sieve.hpp"
+#include "solvers/conditioning/extended_information.hpp"
 #include "solvers/core/sensitivity.hpp"
 
 namespace graybox {
@@ -111,6 +113,75 @@ InformationSet nearly_singular_set() {
 }
 
 // Finding S1: quadruple precision takes over where 64 bits leave the verdict open.
+// Factors of `rank` rows, one after the other.
+InformationSet factor_set(std::size_t d, std::size_t rank, const std::vector<double>& values) {
+  AlignedArray factors(values.size());
+  std::ranges::copy(values, factors.begin());
+  return InformationSet::of_factors(d, rank, std::move(factors));
+}
+
+std::vector<double> random_numbers(std::size_t count, double scale, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<double> values(count);
+  for (double& value : values) value = scale * random.normal();
+  return values;
+}
+
+// What double precision sifts out, extended precision finds to be smaller; the certificate is as if
+// nothing had been sifted.
+void expect_sieve_holds(const InformationSet& set, bool sifts) {
+  const std::size_t count = set.candidate_count();
+  const Design design{std::vector<double>(count, 1.0 / static_cast<double>(count))};
+  const CheckedWeights checked(set, design);
+  const ExtendedInformation information(set, checked.weights);
+  ASSERT_TRUE(information.regular());
+  std::vector<double> upper(count);
+  const double floor = sieve_sensitivities(set, information, upper);
+  std::size_t worst = 0, left = 0;
+  Extended largest = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Extended sensitivity = information.sensitivity(set, i);
+    if (sensitivity > largest) worst = i;
+    largest = std::max(largest, sensitivity);
+    left += upper[i] < floor ? 0U : 1U;
+    if (std::isfinite(floor)) {
+      EXPECT_LE(sensitivity, upper[i]) << i;
+    }
+  }
+  EXPECT_LE(floor, largest);
+  EXPECT_EQ(left < count / 4, sifts);
+  const Certificate certificate = certify(set, design);
+  EXPECT_EQ(certificate.worst_candidate, worst);
+  EXPECT_EQ(certificate.duality_gap,
+            static_cast<double>(largest / static_cast<Extended>(set.dimension()) - 1));
+}
+
+TEST(Certificate, WhatDoublePrecisionRulesOutChangesNothing) {
+  for (const std::size_t d : {1UL, 2UL, 5UL, 12UL, 13UL}) {
+    expect_sieve_holds(random_set(d, 61, d), true);
+    for (const std::size_t rank : {1UL, 3UL}) {
+      for (const double scale : {1.0, 1e-120, 1e120}) {
+        expect_sieve_holds(factor_set(d, rank, random_numbers(61 * rank * d, scale, d)), true);
+      }
+      // Products of such numbers are not normal: all is left to extended precision.
+      expect_sieve_holds(factor_set(d, rank, random_numbers(61 * rank * d, 1e-150, d)), false);
+    }
+  }
+}
+
+// All sensitivities are alike, and only extended precision tells which is called the largest.
+TEST(Certificate, AmongTiesDoublePrecisionRulesNothingOut) {
+  std::vector<double> circle;
+  for (int k = 0; k < 1000; ++k) {
+    const double angle = 2.0 * 3.14159265358979 * k / 1000;
+    circle.insert(circle.end(), {std::cos(angle), std::sin(angle)});
+  }
+  expect_sieve_holds(factor_set(2, 1, circle), false);
+  const InformationSet factors = factor_set(2, 1, circle);
+  std::vector<double> matrices(factors.data(), factors.data() + 3000);
+  expect_sieve_holds(make_set(2, matrices), false);
+}
+
 TEST(Certificate, TheRoundingBoundIsSmallEvenWhereTheMatrixIsNearlySingular) {
   const Certificate proof = certify(nearly_singular_set(), {{0.5, 0, 0, 0, 0.5}});
   ASSERT_EQ(proof.status, CertificateStatus::kCertified);
