@@ -153,6 +153,30 @@ json describe_environment() {
           {"load", load_average()}};
 }
 
+json describe_environment(const std::vector<AbsentSolver>& absent) {
+  json environment = describe_environment();
+  json list = json::array();
+  for (const AbsentSolver& each : absent) {
+    list.push_back({{"name", each.name}, {"needs", each.needs}});
+  }
+  if (!list.empty()) environment["absent"] = std::move(list);
+  return environment;
+}
+
+std::vector<AbsentSolver> absent_solvers(const json& environment) {
+  std::vector<AbsentSolver> absent;
+  const auto list = environment.find("absent");
+  if (list == environment.end() || !list->is_array()) return absent;
+  for (const json& each : *list) {
+    if (!each.is_object()) continue;
+    const auto name = each.find("name"), needs = each.find("needs");
+    if (name == each.end() || !name->is_string()) continue;
+    absent.push_back({*name, needs != each.end() && needs->is_string() ? needs->get<std::string>()
+                                                                       : std::string()});
+  }
+  return absent;
+}
+
 std::string environment_words(const json& environment, const std::string& key) {
   const auto value = environment.find(key);
   if (value == environment.end()) return "unknown";

@@ -3,12 +3,19 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
+
+#include "bench/study/plan.hpp"
 
 namespace graybox::bench {
 
 // Processor, caches, memory, system, compiler, flags, library versions, vector width of the
 // kernels, commit, load, date. Whatever can't be found out is an empty string.
 [[nodiscard]] nlohmann::json describe_environment();
+
+// The same with the solvers that are not here, in the field `absent`; and those of a row.
+[[nodiscard]] nlohmann::json describe_environment(const std::vector<AbsentSolver>& absent);
+[[nodiscard]] std::vector<AbsentSolver> absent_solvers(const nlohmann::json& environment);
 
 // What describe_environment() found of `key`, for a reader: "L1 32K, L2 512K", "25.3 GB".
 [[nodiscard]] std::string environment_words(const nlohmann::json& environment,

@@ -41,10 +41,17 @@ struct NamedProgram {
   std::string command;  // as after "external:"
 };
 
+// A solver that others have and that is not here: said, not passed over.
+struct AbsentSolver {
+  std::string name;
+  std::string needs;
+};
+
 struct StudyOptions {
   std::filesystem::path output = "results/latest";
   std::vector<std::string> solvers;    // empty: all in the registry
   std::vector<NamedProgram> programs;  // in the registry, too; they run beside `solvers`
+  std::vector<AbsentSolver> absent;    // told beside the results
   std::vector<std::string> sets;       // files of the user's own; not empty: these alone
   std::size_t max_candidates = kFullSize;
   StudyMode mode = StudyMode::kStandard;

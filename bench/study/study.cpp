@@ -145,7 +145,7 @@ class StudyRunner {
     prepare_folder();
     RowFile rows(options_.output / "rows.jsonl");
     rows_ = &rows;
-    rows.append(describe_environment());
+    rows.append(describe_environment(options_.absent));
     for (round_ = 0; round_ < limits_.repetitions && !outcome_.interrupted; ++round_) run_round();
     rows_ = nullptr;
     return outcome_;

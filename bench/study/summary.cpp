@@ -339,9 +339,8 @@ std::string agreement_text(const std::vector<Agreement>& agreements) {
   double spread = 0.0;
   for (const Agreement& a : agreements) spread = std::max(spread, a.spread);
   return fmt::format(
-      "All certified answers to each of the {} problems lie within the sum of their bounds "
-      "d log(1 + gap); the solved ones differ by at most {:.1e} in log det.\n",
-      agreements.size(), spread);
+      "{} A bound is d log(1 + gap); the solved answers differ by at most {:.1e} in log det.\n",
+      agreement_words(agreements), spread);
 }
 
 // "1e-6".
@@ -418,9 +417,9 @@ std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>&
                          const std::vector<SolverLaw>& laws,
                          const std::vector<Agreement>& agreements,
                          const std::vector<Headline>& lines) {
-  std::string text =
-      fmt::format("# Study\n\n{} runs: {}; {} points not run (tables/skipped.csv).\n",
-                  rows.runs.size(), status_counts(rows.runs), rows.skips.size());
+  std::string text = fmt::format("# Study\n\n{}: {}; {} not run (tables/skipped.csv).\n",
+                                 counted(rows.runs.size(), "run"), status_counts(rows.runs),
+                                 counted(rows.skips.size(), "point"));
   if (!lines.empty()) text += "\n## Headlines\n\n| | | |\n|---|---|---|\n";
   for (const Headline& line : lines) {
     text += fmt::format("| {} | {} | {} |\n", line.name, line.value, line.note);
@@ -445,6 +444,12 @@ std::string summary_text(const StudyRows& rows, const std::vector<PointSummary>&
     text += fmt::format("\n## Times longer than {}\n\n", kDefaultSolver) + ratio_table(ratios);
   }
   text += "\n## Where solvers fail\n\n" + failure_table(points);
+  if (const std::vector<AbsentSolver> absent = absent_of(rows); !absent.empty()) {
+    text += "\n## Solvers that are not here\n\n| solver | needs |\n|---|---|\n";
+    for (const AbsentSolver& each : absent) {
+      text += fmt::format("| {} | {} |\n", each.name, each.needs);
+    }
+  }
   text += "\n## Environment\n\n" + environment_text(rows);
   return text;
 }

@@ -385,6 +385,33 @@ std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs) {
   return agreements;
 }
 
+std::string agreement_words(const std::vector<Agreement>& agreements) {
+  const auto disagrees = [](const Agreement& each) { return !each.agrees(); };
+  if (const auto first = std::ranges::find_if(agreements, disagrees); first != agreements.end()) {
+    return fmt::format("Certified answers disagree: {}, Q = {}.", first->family, first->candidates);
+  }
+  const auto compared = static_cast<std::size_t>(
+      std::ranges::count_if(agreements, [](const Agreement& each) { return each.answers > 1; }));
+  if (compared == 0) return "No problem has two certified answers, which could be compared.";
+  return fmt::format(
+      "All certified answers to {} agree within their proven bounds.",
+      compared == 1 ? "the one problem" : fmt::format("each of the {} problems", compared));
+}
+
+std::string counted(std::size_t count, const std::string& noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+std::vector<AbsentSolver> absent_of(const StudyRows& rows) {
+  if (rows.environments.empty()) return {};
+  std::vector<AbsentSolver> absent = absent_solvers(rows.environments.back());
+  std::erase_if(absent, [&](const AbsentSolver& each) {
+    return std::ranges::any_of(rows.runs,
+                               [&](const RunRow& run) { return run.key.solver == each.name; });
+  });
+  return absent;
+}
+
 std::vector<Headline> headlines(const std::vector<PointSummary>& points) {
   std::vector<Headline> lines;
   if (std::ranges::find(points, "scaling", &PointSummary::experiment) == points.end()) return {};

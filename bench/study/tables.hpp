@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "bench/study/environment.hpp"
 #include "bench/study/row_file.hpp"
 #include "bench/study/statistics.hpp"
 
@@ -73,6 +74,15 @@ struct Agreement {
   [[nodiscard]] bool agrees() const { return worst_excess <= 0.0; }
 };
 [[nodiscard]] std::vector<Agreement> check_agreement(const std::vector<RunRow>& runs);
+// "All certified answers to each of the 24 problems agree within their proven bounds." A problem
+// with one answer doesn't count. Where answers disagree, it is said of which problem.
+[[nodiscard]] std::string agreement_words(const std::vector<Agreement>& agreements);
+
+// "1 run", "2 runs".
+[[nodiscard]] std::string counted(std::size_t count, const std::string& noun);
+
+// What the last start said to be absent, without those of which there are runs.
+[[nodiscard]] std::vector<AbsentSolver> absent_of(const StudyRows& rows);
 
 struct Headline {
   std::string name;

@@ -11,6 +11,7 @@
 #include "bench/study/own_sets.hpp"
 #include "bench/study/row_file.hpp"
 #include "bench/study/study_sets.hpp"
+#include "bench/study/tables.hpp"
 #include "problems/base/error.hpp"
 #include "problems/files/input_file.hpp"
 
@@ -156,14 +157,18 @@ RowVerification verify_rows(const fs::path& file, const SetMaker& make_set,
 }
 
 std::string describe(const RowVerification& found) {
-  std::string line = fmt::format("{} rows verified, {} false", found.verified, found.false_rows);
-  const auto add = [&](std::size_t count, const char* words) {
-    if (count > 0) line += fmt::format("; {} {}", count, words);
+  std::string line =
+      fmt::format("{} verified, {} false", counted(found.verified, "row"), found.false_rows);
+  const auto add = [&](std::size_t count, const char* one, const char* several) {
+    if (count > 0) line += fmt::format("; {} {}", count, count == 1 ? one : several);
   };
-  add(found.without_set, "not verifiable: their sets can't be made again");
-  add(found.without_design, "not verifiable: rows of an earlier release hold no designs");
-  add(found.without_answer, "runs left no design and claim nothing");
-  add(found.unreadable, "lines are no rows");
+  add(found.without_set, "not verifiable: its set can't be made again",
+      "not verifiable: their sets can't be made again");
+  add(found.without_design, "not verifiable: a row of an earlier release holds no design",
+      "not verifiable: rows of an earlier release hold no designs");
+  add(found.without_answer, "run left no design and claims nothing",
+      "runs left no design and claim nothing");
+  add(found.unreadable, "line is no row", "lines are no rows");
   return line;
 }
 

@@ -30,20 +30,20 @@ PageCell interval_cell(const PairedRatio& ratio) {
 
 PageTable means_table(const std::vector<MeanTime>& means) {
   PageTable table{.caption = "Mean times to equal accuracy",
-                  .columns = {{"gap", false, true},
-                              {"solver", false, true},
+                  .columns = {{"solver", false, true},
+                              {"gap", false, true},
+                              {"mean time", true},
                               {"solved", true},
                               {"of", true},
-                              {"mean time", true},
                               {"charge for others", true}},
                   .rows = {},
                   .is_sortable = true};
   for (const MeanTime& each : means) {
-    table.rows.push_back({gap_cell(each.gap),
-                          {each.solver},
+    table.rows.push_back({{each.solver},
+                          gap_cell(each.gap),
+                          seconds_cell(each.seconds),
                           count_cell(each.solved),
                           count_cell(each.instances),
-                          seconds_cell(each.seconds),
                           seconds_cell(each.charge)});
   }
   return table;
@@ -51,9 +51,9 @@ PageTable means_table(const std::vector<MeanTime>& means) {
 
 PageTable ratios_table(const std::vector<SolverRatio>& ratios) {
   PageTable table{.caption = "How many times longer one solver takes than another",
-                  .columns = {{"gap", false, true},
-                              {"solver", false, true},
+                  .columns = {{"solver", false, true},
                               {"against", false, true},
+                              {"gap", false, true},
                               {"ratio of times", true},
                               {"95 % interval", true},
                               {"solved by both", true},
@@ -61,9 +61,9 @@ PageTable ratios_table(const std::vector<SolverRatio>& ratios) {
                   .rows = {},
                   .is_sortable = true};
   for (const SolverRatio& each : ratios) {
-    table.rows.push_back({gap_cell(each.gap),
-                          {each.solver},
+    table.rows.push_back({{each.solver},
                           {each.against},
+                          gap_cell(each.gap),
                           number_cell(each.ratio.ratio),
                           interval_cell(each.ratio),
                           count_cell(each.ratio.instances),
@@ -150,10 +150,10 @@ PageSection failures_section(const PageFacts& facts) {
   if (failures.rows.empty()) {
     section.paragraphs.push_back("Every solver solved every point that it was run on.");
   } else {
-    section.paragraphs.push_back(
-        fmt::format("{} points were run and not solved. Those that were not run have a table of "
-                    "their own below.",
-                    failures.rows.size()));
+    section.paragraphs.push_back(fmt::format(
+        "{} {} run and not solved. Those that were not run have a table of their own "
+        "below.",
+        counted(failures.rows.size(), "point"), failures.rows.size() == 1 ? "was" : "were"));
     section.tables.push_back(std::move(failures));
   }
   if (!slow.rows.empty()) section.tables.push_back(std::move(slow));

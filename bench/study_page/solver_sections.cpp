@@ -18,7 +18,7 @@ PageSection section_of(const PageFacts& facts, const std::string& solver, std::s
   section.is_folded = true;
   section.is_listed = false;
   section.paragraphs = {
-      fmt::format("Statuses of its {} points: {}.", points.size(), status_words(points)),
+      fmt::format("Of its {}: {}.", counted(points.size(), "point"), status_words(points)),
       worst_words(points)};
   section.tables = {points_table("Points of " + solver, points, false)};
   return section;

@@ -48,7 +48,7 @@ std::string unsolved_words(const std::vector<RunRow>& runs) {
     kinds += fmt::format("{}{} {}", kinds.empty() ? "" : ", ", count, status);
   }
   if (unsolved == 0) return {};
-  return fmt::format("{} of {} runs {} unsolved: {}.", unsolved, runs.size(),
+  return fmt::format("{} of {} {} unsolved: {}.", unsolved, counted(runs.size(), "run"),
                      unsolved == 1 ? "is" : "are", kinds);
 }
 
@@ -63,20 +63,23 @@ void add_verdict(const StudyRows& rows, const ProfileData& profile,
                  const std::vector<Agreement>& agreements, ReportPage& page) {
   const bool agree = std::ranges::all_of(agreements, &Agreement::agrees);
   page.tone = tone_of(rows, agree);
-  page.verdict = fmt::format("{} of {} runs solved", count_solved(rows.runs), rows.runs.size());
+  page.verdict =
+      fmt::format("{} of {} solved", count_solved(rows.runs), counted(rows.runs.size(), "run"));
   for (const std::string& words :
        {unsolved_words(rows.runs), unreadable_note(rows, "rows.jsonl")}) {
     if (!words.empty()) page.sentences.push_back(words.back() == '.' ? words : words + ".");
   }
-  page.sentences.push_back(
-      agree ? fmt::format("All certified answers to each of the {} problems agree within their "
-                          "proven bounds.",
-                          agreements.size())
-            : "Certified answers to one problem disagree: see Agreement.");
+  page.sentences.push_back(agreement_words(agreements));
   if (const auto [solver, wins] = most_often_fastest(profile); wins > 0) {
     page.sentences.push_back(
         fmt::format("The fastest on most instances is {}: on {} of {}, to a checked gap of {}.",
                     solver, wins, profile.instances.size(), gap_words(kProfileGap)));
+  }
+  std::string names;
+  for (const AbsentSolver& each : absent_of(rows)) names += (names.empty() ? "" : ", ") + each.name;
+  if (!names.empty()) {
+    page.sentences.push_back(
+        fmt::format("Not compared, since they are not installed here: {}.", names));
   }
   page.sentences.push_back(
       "A run counts as solved where the checker proves its gap; what the solver says of itself "
@@ -129,11 +132,11 @@ std::string study_page(const StudyRows& rows, const PageOrigin& origin) {
   PageSection agreement{.id = "agreement", .title = "Agreement"};
   agreement.tables = {agreement_table(agreements)};
   page.sections.push_back(std::move(agreement));
-  if (!rows.skips.empty()) {
-    PageSection skips{.id = "skips", .title = "Not run"};
-    skips.tables = {skips_table(rows.skips)};
-    page.sections.push_back(std::move(skips));
-  }
+  const std::vector<AbsentSolver> absent = absent_of(rows);
+  PageSection not_run{.id = "skips", .title = "Not run"};
+  if (!absent.empty()) not_run.tables.push_back(absent_table(absent));
+  if (!rows.skips.empty()) not_run.tables.push_back(skips_table(rows.skips));
+  if (!not_run.tables.empty()) page.sections.push_back(std::move(not_run));
   PageSection environment{.id = "environment", .title = "Environment"};
   environment.tables = {environment_table(rows)};
   page.sections.push_back(std::move(environment));

@@ -159,6 +159,12 @@ PageTable agreement_table(const std::vector<Agreement>& agreements) {
   return table;
 }
 
+PageTable absent_table(const std::vector<AbsentSolver>& absent) {
+  PageTable table{"Solvers that are not installed here", {{"solver"}, {"needs"}}, {}};
+  for (const AbsentSolver& each : absent) table.rows.push_back({{each.name}, {each.needs}});
+  return table;
+}
+
 PageTable skips_table(const std::vector<SkipRow>& skips) {
   PageTable table{.caption = "Points that were not run",
                   .columns = {{"solver", false, true},

@@ -14,6 +14,7 @@ namespace graybox::bench {
 [[nodiscard]] PageTable solvers_table(const PageFacts& facts, const std::vector<SolverLaw>& laws);
 [[nodiscard]] PageTable headlines_table(const std::vector<Headline>& lines);
 [[nodiscard]] PageTable agreement_table(const std::vector<Agreement>& agreements);
+[[nodiscard]] PageTable absent_table(const std::vector<AbsentSolver>& absent);
 [[nodiscard]] PageTable skips_table(const std::vector<SkipRow>& skips);
 [[nodiscard]] PageTable environment_table(const StudyRows& rows);
 

@@ -91,10 +91,10 @@ ComparisonPlot performance_plot(const PageFacts& facts, const ProfileData& profi
     plot.series.push_back(std::move(series));
   }
   plot.caption = fmt::format(
-      "Of {} instances, to a checked gap of {}: the share on which a solver takes at most so "
+      "Of {}, to a checked gap of {}: the share on which a solver takes at most so "
       "many times the time of the fastest (Dolan and Moré 2002). Higher is better. Beside the "
       "names: the share solved at all.",
-      profile.instances.size(), gap_words(kProfileGap));
+      counted(profile.instances.size(), "instance"), gap_words(kProfileGap));
   return plot;
 }
 

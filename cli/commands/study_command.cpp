@@ -38,8 +38,9 @@ constexpr const char* kWorkerCommand = "study-run";
 struct StudyArguments {
   bench::StudyOptions options;
   std::string output = "results/latest";
-  std::string instances;           // a folder of sets
-  std::vector<std::string> named;  // LABEL=external:CMD
+  std::string instances;            // a folder of sets
+  std::vector<std::string> named;   // LABEL=external:CMD
+  std::vector<std::string> absent;  // LABEL=what it needs
   double time_limit = 0.0;
   std::size_t memory_limit = 0;
   bool quick = false;
@@ -77,9 +78,19 @@ void add_programs(const std::vector<bench::NamedProgram>& programs, SolverRegist
   }
 }
 
+// "mosek=CVXPY with MOSEK and its licence"
+bench::AbsentSolver absent_solver(const std::string& text) {
+  const std::size_t end = text.find('=');
+  if (end == 0 || end == std::string::npos || end + 1 == text.size()) {
+    throw InputError(fmt::format("--absent '{}': expected LABEL=WHAT IT NEEDS", shortened(text)));
+  }
+  return {text.substr(0, end), text.substr(end + 1)};
+}
+
 bench::StudyOptions options_of(const StudyArguments& arguments) {
   bench::StudyOptions options = arguments.options;
   for (const std::string& text : arguments.named) options.programs.push_back(named_program(text));
+  for (const std::string& text : arguments.absent) options.absent.push_back(absent_solver(text));
   if (!arguments.instances.empty()) {
     for (std::string& file : bench::instances_in(arguments.instances)) {
       options.sets.push_back(std::move(file));
@@ -278,6 +289,20 @@ constexpr const char* kStudyFooter =
     "results/own\n"
     "Figures: scripts/figures results/quick";
 
+void add_solver_labels(CLI::App& command, StudyArguments& arguments) {
+  command
+      .add_option("--solver-name", arguments.named,
+                  "LABEL=external:CMD: a program of your own beside the back-ends; may be repeated")
+      ->expected(1)
+      ->take_all();
+  command
+      .add_option("--absent", arguments.absent,
+                  "LABEL=WHAT IT NEEDS: a solver that is not here, said beside the results; may be "
+                  "repeated")
+      ->expected(1)
+      ->take_all();
+}
+
 }  // namespace
 
 void add_study_command(CLI::App& app, Invocation& invocation) {
@@ -296,12 +321,7 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
       ->excludes(resume);
   command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")
       ->delimiter(',');
-  command
-      ->add_option(
-          "--solver-name", arguments->named,
-          "LABEL=external:CMD: a program of your own beside the back-ends; may be repeated")
-      ->expected(1)
-      ->take_all();
+  add_solver_labels(*command, *arguments);
   auto* sets = command->add_option("--sets", options.sets,
                                    "sets of your own (.h5, .npy, .csv, .mat), and nothing else");
   auto* instances = command->add_option("--instances", arguments->instances,

@@ -5,18 +5,21 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
+#include "bench/study/environment.hpp"
 #include "bench/study/plan.hpp"
 #include "bench/study/statistics.hpp"
 #include "bench/study/study_sets.hpp"
 #include "bench/study/tables.hpp"
 #include "bench/study_page/comparison_tables.hpp"
 #include "bench/study_page/page_facts.hpp"
+#include "bench/study_page/study_page.hpp"
 #include "problems/families/families.hpp"
 #include "tests/support/study_solvers.hpp"
 
@@ -68,6 +71,42 @@ TEST(StudyPage, ListsWhatFailsAndWhereTheDefaultIsSlow) {
   EXPECT_EQ(slow.rows[0][1].text, "a");
   EXPECT_EQ(slow.rows[0][4].text, "3");
   EXPECT_EQ(slow.rows[0][5].text, "other");
+}
+
+TEST(StudyPage, CountsOneAsOne) {
+  StudyRows rows;
+  rows.runs = {timed_row("families", "fast", "a", 1.0)};
+  const auto says = [&](const std::string& words) {
+    return study_page(rows, {}).find(words) != std::string::npos;
+  };
+  EXPECT_TRUE(says("1 of 1 run solved"));
+  EXPECT_TRUE(says("Of its 1 point: solved 1."));
+  EXPECT_TRUE(says("No problem has two certified answers"));
+  rows.runs.push_back(timed_row("families", "weak", "a", 2.0));
+  EXPECT_TRUE(says("2 of 2 runs solved"));
+  rows.runs.push_back(timed_row("families", "fast", "b", 2.0));  // alone: nothing to agree with
+  EXPECT_TRUE(says("All certified answers to the one problem agree"));
+  rows.runs.push_back(timed_row("families", "weak", "b", 2.0));
+  EXPECT_TRUE(says("answers to each of the 2 problems agree"));
+  rows.runs.back().log_det = 1.0;
+  EXPECT_TRUE(says("Certified answers disagree: b, Q = 50."));
+  EXPECT_FALSE(says("answers to each of the 2 problems agree"));
+}
+
+TEST(StudyPage, SaysWhichSolversAreNotHere) {
+  StudyRows rows;
+  rows.runs = {timed_row("families", "fast", "a", 1.0)};
+  rows.environments = {
+      describe_environment({{"rare", "a licence & luck"}, {"fast", "nothing, for it ran"}})};
+  const std::string page = study_page(rows, {});
+  EXPECT_NE(page.find("not installed here: rare."), std::string::npos);
+  EXPECT_NE(page.find("a licence &amp; luck"), std::string::npos);
+  EXPECT_EQ(page.find("nothing, for it ran"), std::string::npos);  // it has run
+  rows.environments.push_back(describe_environment({}));           // the last start counts
+  EXPECT_EQ(study_page(rows, {}).find("not installed"), std::string::npos);
+  for (const char* damaged : {R"({"absent": 3})", R"({"absent": [3, {"name": 4}, {}]})"}) {
+    EXPECT_TRUE(absent_solvers(nlohmann::json::parse(damaged)).empty()) << damaged;
+  }
 }
 
 TEST(Plan, DrawsAndDimensionsComeLast) {

@@ -212,6 +212,17 @@ TEST_F(StudyCommand, VerifiesTheRowsOfAStudy) {
   expect_refused("study verify none.jsonl", "none.jsonl");
 }
 
+TEST_F(StudyCommand, SaysWhichSolversAreNotHere) {
+  const std::string words = study_ + "--sets a.h5 -o results ";
+  ASSERT_EQ(graybox(words + "--absent 'mosek=CVXPY with MOSEK and its licence'").exit_code, 0);
+  const std::string needs = "CVXPY with MOSEK and its licence";
+  EXPECT_NE(read_text(file("results/summary.md")).find("| mosek | " + needs), std::string::npos);
+  EXPECT_NE(read_text(file("results/index.html")).find(needs), std::string::npos);
+  for (const char* wrong : {"mosek", "=needs", "mosek="}) {
+    expect_refused(words + "--resume --absent " + wrong, "expected LABEL=WHAT IT NEEDS");
+  }
+}
+
 TEST_F(StudyCommand, FindsADamagedWeightASideFileAndAChangedSet) {
   make_set("flat", 200, 3, "b.npy");  // nearly equal candidates keep nearly equal weights
   ASSERT_EQ(
