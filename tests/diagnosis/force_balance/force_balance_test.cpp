@@ -214,6 +214,31 @@ TEST_F(ForceBalance, RejectsALawThatRaisesTheErrorOfRecordingsKeptOut) {
   EXPECT_TRUE(fails(diagnosis, "laws found"));
 }
 
+// An exponent that predicts the fit's own blocks better and is next to nothing where the noise is
+// larger: what was kept out does not ask for it.
+TEST_F(ForceBalance, NamesTheSpecialCaseWhereTheRicherLawGainsNextToNothing) {
+  Random random(11);
+  int samples = 0;
+  record(
+      [&](double, double v) {
+        const bool is_kept_out = samples++ >= 1500;
+        return 5.0 * std::copysign(std::pow(std::abs(v) / 0.3, 0.1), v) + 8.0 * v +
+               (is_kept_out ? 2.0 * random.normal() : 0.0);
+      },
+      0.3, 3);
+  const auto data = problem();
+  const Diagnosis diagnosis = diagnose(*data);
+  std::vector<std::string> found;
+  for (const FoundEffect& effect : diagnosis.effects) found.push_back(named(*data, effect).law);
+  std::ranges::sort(found);
+  EXPECT_EQ(found, (std::vector<std::string>{"coulomb", "viscous"}));
+  const auto gave_way = [&](const RejectedLaw& rejected) {
+    return data->hypotheses()[rejected.law.hypothesis].law == "sublinear_friction" &&
+           rejected.reason.starts_with("with coulomb in its place");
+  };
+  EXPECT_TRUE(std::ranges::any_of(diagnosis.rejected, gave_way));
+}
+
 // newcomer.md, section 5, 5: damping of -0.003, "explained".
 TEST_F(ForceBalance, NeverExplainsAnythingByNegativeDamping) {
   record([](double, double v) { return -4.0 * v; }, 0.2, 5);
