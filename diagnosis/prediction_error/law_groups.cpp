@@ -59,6 +59,11 @@ std::vector<std::vector<LawExtension>> dragged_friction(const std::vector<LawExt
   return groups;
 }
 
+std::vector<std::vector<LawExtension>> braked_weights(const std::vector<LawExtension>& extensions,
+                                                      const LumpedModel& model) {
+  return pairs_of("gravity", "coulomb", extensions, model);
+}
+
 std::vector<std::vector<LawExtension>> resting_springs(const std::vector<LawExtension>& extensions,
                                                        const LumpedModel& model) {
   return pairs_of("stiffness", "offset", extensions, model);

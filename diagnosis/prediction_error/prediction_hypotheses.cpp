@@ -591,6 +591,9 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
   const bool is_actuator = plain.location.kind == LocationKind::kActuator;
   if (is_actuator && !(input_peaks_[static_cast<std::size_t>(plain.location.channel)] > 0.0))
     return;
+  // What nothing drives is the same motion later, from another start.
+  const bool is_the_only_clock = data_->moves_freely() && data_->output_count() == 1;
+  if (is_late_channel(hypothesis) && is_the_only_clock) return;
   const auto channel = static_cast<std::size_t>(plain.location.channel);
   const double sample_time = data_->sample_time();
   const double size =

@@ -292,15 +292,15 @@ std::string moved_words(const LumpedModel& stated,
                         const std::vector<LawParameterEstimate>& fitted) {
   constexpr double kFar = 10.0;  // times
   std::string words;
-  for (std::size_t i = 0; i < std::min(stated.parameters.size(), fitted.size()); ++i) {
-    const LumpedParameter& parameter = stated.parameters[i];
-    if (parameter.fixed || !(parameter.value > 0.0)) continue;
-    const double ratio = fitted[i].value / parameter.value;
+  for (const LumpedParameter& parameter : stated.parameters) {
+    const auto estimate = std::ranges::find(fitted, parameter.name, &LawParameterEstimate::name);
+    if (parameter.fixed || !(parameter.value > 0.0) || estimate == fitted.end()) continue;
+    const double ratio = estimate->value / parameter.value;
     const bool may_vanish = parameter.range == ParameterRange::kNonNegative;
     if (ratio < kFar && (may_vanish || ratio > 1.0 / kFar)) continue;
-    const double error = fitted[i].standard_error;
+    const double error = estimate->standard_error;
     words += fmt::format("{}{} from {:.3g} to {:.3g}{} {}", words.empty() ? "" : "; ",
-                         fitted[i].name, parameter.value, fitted[i].value,
+                         parameter.name, parameter.value, estimate->value,
                          error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
   }
   return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";
