@@ -387,7 +387,6 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
 // measured, that is all that is known of it.
 bool PredictionHypotheses::winds_up(const Location& place, const MotionAt& at) const {
   constexpr double kTwoTurns = 4.0 * std::numbers::pi;
-  constexpr double kOneWay = 0.01;  // of the squared velocity, in the direction that has less
   const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
   const bool goes_on = at.lesser_way < kOneWay || (rotates_ && at.range > kTwoTurns);
   return !measures_position_ && is_one_mass && goes_on;
@@ -504,6 +503,7 @@ void PredictionHypotheses::extend_ripples(const LawExtension& plain,
 void PredictionHypotheses::extend_memory(const LawExtension& plain,
                                          const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
+  if (at.lesser_way < kOneWay) return;  // what never turns back shows no memory
   if (plain.law == "bouc_wen" && !at.is_of_free_mass) {
     extend_bouc_wen(plain, present, at, list);
   } else if (plain.law == "dahl" && !part_at(present.model, plain.location, "bouc_wen")) {

@@ -196,7 +196,10 @@ class MassModel {
               why + (machine_.request.no_drive ? "; it is held" : "; it is fitted"));
     add_guess(proposal_, "damping", fmt::format("{:.3g} {}", start.damping, damping_unit),
               machine_.request.no_drive ? "guessed; it is fitted" : "the same");
-    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start.inertia),
+    const std::string value = machine_.request.no_drive
+                                  ? fmt::format("{{value: {:.4g}, fixed: true}}", start.inertia)
+                                  : fmt::format("{:.4g}", start.inertia);
+    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {}}}", value),
                        inertia_unit(), why) +
            fmt::format(
                "elements:\n  - name: bearing\n    location: {{kind: element, mass: axis}}\n"
