@@ -22,7 +22,7 @@ constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a sp
 
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
-  if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
+  if (kind != LocationKind::kElement) return law == "dead_zone" || law == "curved_gain" ? 1 : 0;
   for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "gravity"}) {
     if (law == plain) return 0;
   }
@@ -250,6 +250,7 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   if (is_actuator) {
     add(place, yaml, "saturation");
     add(place, yaml, "dead_zone");
+    add(place, yaml, "curved_gain");
   } else {
     add(place, yaml, "offset");
     using enum LumpedOutput::Quantity;
@@ -604,6 +605,10 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
     list.push_back(amplitude(plain, {0.0}, 0, 1.0, false));
   } else if (plain.law == "offset" || plain.law == "dead_zone") {
     list.push_back(amplitude(plain, {0.0}, 0, size, plain.law == "dead_zone"));
+  } else if (plain.law == "curved_gain") {
+    LawExtension law = amplitude(plain, {0.0, input_peaks_[channel]}, 0, 1.0, false);
+    law.fixed = {false, true};
+    list.push_back(std::move(law));
   } else if (plain.law == "saturation") {
     for (const double share : {0.8, 0.5, 0.3}) {
       const double limit = share * input_peaks_[channel];

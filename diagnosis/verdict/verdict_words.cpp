@@ -180,7 +180,9 @@ std::string better_rivals_words(const FoundEffect& effect, std::span<const Hypot
     if (!is_better(rival)) continue;
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", sum_words(rival, hypotheses),
                          evidence_words(rival, false));
-    if (advice.empty()) advice = advice_for(hypotheses[rival.law.hypothesis]);
+    if (advice.empty()) {
+      advice = advice_for(hypotheses[effect.law.hypothesis], hypotheses[rival.law.hypothesis]);
+    }
   }
   if (names.empty()) return "";
   return fmt::format("More likely than {}: {}.{}{}",
