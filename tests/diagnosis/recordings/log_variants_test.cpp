@@ -122,5 +122,175 @@ TEST(LogTitles, SignsAndOtherWordsOfMotionAndTime) {
   EXPECT_EQ(read_column_words("gyro_z", "").motion, MotionKind::kRotary);
 }
 
+// ---- files --------------------------------------------------------------------------------------
+
+class LogVariants : public ::testing::Test {
+ protected:
+  RecordingFile read(const std::string& text, const std::string& name = "read.csv") {
+    testing::write_text(folder_.file(name), text);
+    return read_recording_file(folder_.file(name));
+  }
+  // What --one-mass proposes for a log, whose drive and motion are not as they would be measured.
+  ModelProposal proposed(const std::string& text, const std::string& name = "log.csv") {
+    testing::write_text(folder_.file(name), text);
+    ProposalRequest request;
+    request.machine = ProposedMachine::kOneMass;
+    request.logs = {folder_.file(name)};
+    request.folder = folder_.file("axis");
+    return propose_model(request);
+  }
+  static std::string all_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const OpenQuestion& each : proposal.questions) {
+      text += "open: " + each.text + " (" + each.option + ")\n";
+    }
+    for (const std::string& note : proposal.notes) text += "note: " + note + "\n";
+    for (const ProposedGuess& each : proposal.guesses) {
+      text += each.subject + ": " + each.value + "; " + each.reason + "\n";
+    }
+    return text;
+  }
+  static bool says(const ModelProposal& proposal, const std::string& part) {
+    return all_of(proposal).find(part) != std::string::npos;
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+using Row = std::function<std::string(int, double, double)>;
+
+// Rows of a drive u and the speed y that it causes, each as `row` writes it.
+std::string rows_of(int count, const Row& row) {
+  std::string text;
+  double y = 0.0;
+  for (int k = 0; k < count; ++k) {
+    const double u = std::sin(0.05 * k) + 0.6 * std::sin(0.171 * k + 1.0);
+    text += row(k, u, y);
+    y += 0.01 * (8.0 * u - 4.0 * y);
+  }
+  return text;
+}
+
+TEST_F(LogVariants, NamesBehindTheLastFieldHaveNoNumbers) {
+  for (const auto& [header, separator] : {std::pair{"t,u,q,extra", ","},
+                                          {"t;u;q;extra", ";"},
+                                          {"t u q extra", " "},
+                                          {"t,u,q,", ","},
+                                          {"t,u,q,extra,more", ","}}) {
+    const RecordingFile file = read(fmt::format("{0}\n0{1}2{1}4\n1{1}3{1}5\n", header, separator));
+    ASSERT_EQ(file.columns.size(), 3U) << header;
+    EXPECT_EQ(file.at("q").values, Eigen::Vector2d(4, 5)) << header;
+    const bool is_named = std::string(header).find("extra") != std::string::npos;
+    ASSERT_EQ(file.remarks.size(), is_named ? 1U : 0U) << header;
+    if (!is_named) continue;
+    EXPECT_NE(file.remarks[0].find("the rows have 3 fields"), std::string::npos) << header;
+    EXPECT_NE(file.remarks[0].find("'extra'"), std::string::npos) << header;
+  }
+  const RecordingFile with_units = read("t,u,q,extra\ns,V,rad\n0,2,4\n1,3,5\n");
+  EXPECT_EQ(with_units.at("u").unit, "V");
+  EXPECT_EQ(with_units.at("q").values, Eigen::Vector2d(4, 5));
+  // A title and its unit in two fields.
+  const RecordingFile in_fields = read("time, s, u, speed, rpm\n0,2,4\n1,3,5\n");
+  ASSERT_EQ(in_fields.columns.size(), 3U);
+  EXPECT_EQ(in_fields.at("speed").unit, "rpm");
+  EXPECT_EQ(in_fields.at("u").values, Eigen::Vector2d(2, 3));
+  ASSERT_EQ(in_fields.remarks.size(), 1U);
+  EXPECT_NE(in_fields.remarks[0].find("'rpm' of 'speed'"), std::string::npos);
+  // A title that is a unit by itself.
+  const RecordingFile of_rpm = read("t,u,rpm,extra\n0,2,4\n1,3,5\n");
+  EXPECT_EQ(of_rpm.at("rpm").values, Eigen::Vector2d(4, 5));
+  // Rows that differ are still refused.
+  testing::expect_refused([&] { (void)read("t,u,q,x\n0,1,2\n1,2,3,4\n"); }, "4 fields");
+  testing::expect_refused([&] { (void)read("t,u,q,x\n0,1,2\n1,2\n"); }, "2 fields");
+  testing::expect_refused([&] { (void)read("t,u,q,x\n0,1,2,3\n1,2,3\n"); }, "3 fields");
+}
+
+TEST_F(LogVariants, QuotesHoldSeparators) {
+  const RecordingFile titles = read("\"Time, s\",\"Speed, rpm\"\n0,1.5\n1,2.5\n");
+  ASSERT_EQ(titles.columns.size(), 2U);
+  EXPECT_EQ(titles.columns[1].name, "Speed, rpm");
+  EXPECT_EQ(titles.columns[1].values, Eigen::Vector2d(1.5, 2.5));
+  const RecordingFile commas = read("\"t\",\"u\"\n\"0\",\"1,5\"\n\"1\",\"2,5\"\n");
+  EXPECT_EQ(commas.at("u").values, Eigen::Vector2d(1.5, 2.5));
+  const RecordingFile blanks = read("\"motor speed\" t\n1 2\n3 4\n");
+  EXPECT_EQ(blanks.at("motor speed").values, Eigen::Vector2d(1, 3));
+  const RecordingFile of_r = read("\"t\" \"u\"\n\"1\" 0 5\n\"2\" 1 6\n");
+  EXPECT_EQ(of_r.at("u").values, Eigen::Vector2d(5, 6));
+}
+
+TEST_F(LogVariants, WordsForAMissingNumberAreNone) {
+  for (const char* word : {"NA", "null", "None", "-", "1.#QNAN", "-1.#IND", "#N/A"}) {
+    const RecordingFile file = read(fmt::format("t,u\n0,1\n1,{}\n2,3\n", word));
+    EXPECT_TRUE(std::isnan(file.at("u").values(1))) << word;
+    EXPECT_EQ(file.at("u").values(2), 3.0) << word;
+  }
+  testing::expect_refused([&] { (void)read("t,u\n0,1\n1,zero\n2,3\n"); }, "'zero' is no number");
+}
+
+TEST_F(LogVariants, AHeaderAmongTheRowsIsPassedOver) {
+  const RecordingFile file = read("t,u\n0,1\n1,2\nt,u\n2,3\n");
+  EXPECT_EQ(file.at("u").values, Eigen::Vector3d(1, 2, 3));
+  ASSERT_EQ(file.remarks.size(), 1U);
+  EXPECT_NE(file.remarks[0].find("the header stands among the rows again"), std::string::npos);
+  testing::expect_refused([&] { (void)read("t,u\n0,1\n1,2\nt,v\n2,3\n"); }, "'t' is no number");
+}
+
+TEST_F(LogVariants, TextsInOtherLettersAreRead) {
+  const RecordingFile latin = read("Zeit;Winkel [\xB0]\n0;1\n1;2\n");
+  EXPECT_EQ(latin.columns[1].name, "Winkel [\xC2\xB0]");
+  EXPECT_EQ(read_column_words(latin.columns[1].name, "").unit, "deg");
+  for (const bool is_little : {true, false}) {
+    std::string wide = is_little ? "\xFF\xFE" : "\xFE\xFF";
+    for (const char c : std::string("t\tu\n0\t1.5\n1\t2.5\n")) {
+      wide += is_little ? std::string{c, '\0'} : std::string{'\0', c};
+    }
+    EXPECT_EQ(read(wide).at("u").values, Eigen::Vector2d(1.5, 2.5)) << is_little;
+  }
+  for (const char* name : {"log.tsv", "log.log", "LOG.CSV"}) {
+    EXPECT_EQ(read("t\tu\n0\t1.5\n1\t2.5\n", name).columns.size(), 2U) << name;
+  }
+}
+
+TEST(LogStamps, ShortAndAmericanOnesAreRead) {
+  const auto seconds = [](const char* text) {
+    const std::optional<TimeStamp> stamp = parse_time_stamp(text);
+    return stamp ? stamp->seconds : -1.0;
+  };
+  EXPECT_EQ(seconds("01:02.5"), 62.5);
+  EXPECT_EQ(seconds("3/14/2024 01:02:03.500 PM"), 3600.0 * 13 + 123.5);
+  EXPECT_EQ(seconds("14/3/2024 01:02:03"), 3723.0);
+  EXPECT_EQ(seconds("14-03-2024 01:02:03"), 3723.0);
+  EXPECT_EQ(parse_time_stamp("3/14/2024")->day, parse_time_stamp("2024-03-14")->day);
+  EXPECT_EQ(parse_time_stamp("14/3/2024")->day, parse_time_stamp("2024-03-14")->day);
+  for (const char* text : {"01:02", "14/14/2024", "01:62.5", "3/14-2024", "2024.03.14"}) {
+    EXPECT_FALSE(parse_time_stamp(text)) << text;
+  }
+}
+
+// ---- JSON ---------------------------------------------------------------------------------------
+
+TEST_F(LogVariants, JsonTablesOfManyShapes) {
+  for (const char* text :
+       {R"([{"t": 0, "u": 5}, {"t": 1, "u": 6}, {"t": 2, "u": 7}])",
+        R"({"mass": 1.1, "motor": "x", "entries": [{"t": 0, "u": 5}, {"t": 1, "u": 6},
+            {"t": 2, "u": 7}], "events": [{"what": "start"}]})",
+        R"({"data": {"samples": [{"t": 0, "u": 5}, {"t": 1, "u": 6}, {"t": 2, "u": 7}]}})",
+        R"({"t": {"0": 0, "1": 1, "10": 2}, "u": {"0": 5, "1": 6, "10": 7}})",
+        R"({"columns": ["t", "u"], "index": [0, 1, 2], "data": [[0, 5], [1, 6], [2, 7]]})",
+        R"({"header": ["t", "u"], "rows": [[0, 5], [1, 6], [2, 7]]})",
+        "{\"t\": 0, \"u\": 5}\n{\"t\": 1, \"u\": 6}\n{\"t\": 2, \"u\": 7}\n"}) {
+    const RecordingFile file = read(text, "log.json");
+    EXPECT_EQ(file.columns.size(), 2U) << text;
+    EXPECT_EQ(file.at("u").values, Eigen::Vector3d(5, 6, 7)) << text;
+  }
+  // Numbers in their order: as text "10" comes before "9".
+  const RecordingFile many =
+      read(R"({"u": {"0":0,"1":1,"2":2,"3":3,"4":4,"5":5,"6":6,"7":7,"8":8,"9":9,"10":10}})",
+           "log.json");
+  EXPECT_EQ(many.at("u").values(9), 9.0);
+  testing::expect_refused([&] { (void)read(R"({"a": [{"t": 0}, {"t": "x"}]})", "bad.json"); },
+                          "record 2");
+}
+
 }  // namespace
 }  // namespace graybox
