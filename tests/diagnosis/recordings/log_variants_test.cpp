@@ -292,5 +292,71 @@ TEST_F(LogVariants, JsonTablesOfManyShapes) {
                           "record 2");
 }
 
+// ---- proposals ----------------------------------------------------------------------------------
+
+TEST_F(LogVariants, ASpeedInRpmIsTaken) {
+  const ModelProposal proposal =
+      proposed("t_ms,pwm_cmd,rpm_actual,pwm_output\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{},{:.5g},{:.5g}\n", 650000 + 10 * k, 50 * u, 9.55 * y);
+               }));
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "velocity: 'rpm_actual' in rpm")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "left out: 'pwm_output'")) << all_of(proposal);
+}
+
+TEST_F(LogVariants, StampsAreTheTime) {
+  std::string stamps, positions, drives;
+  (void)rows_of(400, [&](int k, double u, double y) {
+    const char* comma = k == 0 ? "" : ", ";
+    stamps += fmt::format("{}{:.6f}", comma, 0.0136 + 0.016 * k + 2e-5 * std::sin(9.0 * k));
+    positions += fmt::format("{}{:.5g}", comma, y);
+    drives += fmt::format("{}{:.5g}", comma, u);
+    return "";
+  });
+  const ModelProposal proposal =
+      proposed(fmt::format(R"({{"m": 0.3, "positions": [{}], "u": [{}], "timestamps": [{}]}})",
+                           positions, drives, stamps),
+               "log.json");
+  EXPECT_TRUE(says(proposal, "time: 'timestamps' in s; guessed from steps of 0.016"))
+      << all_of(proposal);
+}
+
+TEST_F(LogVariants, ATimeThatNobodyNamesIsAskedWithItsUnit) {
+  const ModelProposal asked =
+      proposed("u,speed_rpm,foo\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.5g},{:.5g},{:.5g}\n", u, y, 3.0 + 0.01 * k);
+               }));
+  EXPECT_TRUE(says(asked, "'foo' rises by 0.01 a row")) << all_of(asked);
+  EXPECT_TRUE(says(asked, "--column 'foo=time:s'")) << all_of(asked);
+  EXPECT_TRUE(says(asked, "foo: rises evenly, as a time does")) << all_of(asked);
+  const ModelProposal of_labview =
+      proposed("X_Value,u,speed_rpm\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.5g},{:.5g},{:.5g}\n", 0.01 * k, u, y);
+               }));
+  EXPECT_TRUE(says(of_labview, "time: 'X_Value' in s")) << all_of(of_labview);
+  // A motion called x is none.
+  const ModelProposal of_motion =
+      proposed("x,u,time\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.5g},{:.5g},{:.5g}\n", y, u, 0.01 * k);
+               }));
+  EXPECT_TRUE(says(of_motion, "position: 'x' in")) << all_of(of_motion);
+}
+
+TEST_F(LogVariants, WhatNobodyKnowsMayBeASpeed) {
+  const ModelProposal asked =
+      proposed("time,pwm,foo\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.5g},{:.5g},{:.5g}\n", 0.01 * k, u, y);
+               }));
+  EXPECT_TRUE(says(asked, "--column 'foo=position:rad'")) << all_of(asked);
+  EXPECT_TRUE(says(asked, "--column 'foo=velocity:rad/s'")) << all_of(asked);
+  // A speed that is wanted says nothing of a position's unit.
+  const ModelProposal wanted =
+      proposed("time,pwm,target_rpm,angle_deg\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.5g},{:.5g},{:.5g},{:.5g}\n", 0.01 * k, u, 90 * y, 5 * y);
+               }));
+  EXPECT_TRUE(wanted.questions.empty()) << all_of(wanted);
+  EXPECT_TRUE(says(wanted, "position: 'angle_deg' in deg")) << all_of(wanted);
+}
+
 }  // namespace
 }  // namespace graybox
