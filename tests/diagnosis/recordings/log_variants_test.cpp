@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -131,12 +132,14 @@ class LogVariants : public ::testing::Test {
     return read_recording_file(folder_.file(name));
   }
   // What --one-mass proposes for a log, whose drive and motion are not as they would be measured.
-  ModelProposal proposed(const std::string& text, const std::string& name = "log.csv") {
+  ModelProposal proposed(const std::string& text, const std::string& name = "log.csv",
+                         const std::vector<std::string>& answers = {}) {
     testing::write_text(folder_.file(name), text);
     ProposalRequest request;
     request.machine = ProposedMachine::kOneMass;
     request.logs = {folder_.file(name)};
     request.folder = folder_.file("axis");
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
     return propose_model(request);
   }
   static std::string all_of(const ModelProposal& proposal) {
@@ -356,6 +359,28 @@ TEST_F(LogVariants, WhatNobodyKnowsMayBeASpeed) {
                }));
   EXPECT_TRUE(wanted.questions.empty()) << all_of(wanted);
   EXPECT_TRUE(says(wanted, "position: 'angle_deg' in deg")) << all_of(wanted);
+}
+
+// A drive whose title says something else.
+TEST_F(LogVariants, WhatMayDriveIsOffered) {
+  for (const auto& [title, answer] : {std::pair{"V_m", "V_m=voltage"},
+                                      {"speed_cmd", "speed_cmd=command"},
+                                      {"motorPower", "motorPower=command"}}) {
+    const std::string log =
+        fmt::format("time,{},pos_rad\n", title) + rows_of(400, [](int k, double u, double y) {
+          return fmt::format("{:.5g},{:.5g},{:.5g}\n", 0.01 * k, u, y);
+        });
+    const ModelProposal asked = proposed(log);
+    ASSERT_EQ(asked.questions.size(), 1U) << all_of(asked);
+    EXPECT_TRUE(says(asked, fmt::format("or --column '{}' if that is", answer))) << all_of(asked);
+    const bool is_offered = std::ranges::any_of(
+        asked.questions.front().choices,
+        [&](const AnswerChoice& each) { return each.columns == std::vector<std::string>{answer}; });
+    EXPECT_TRUE(is_offered) << title;
+    const ModelProposal answered = proposed(log, "log.csv", {answer});
+    EXPECT_TRUE(answered.questions.empty()) << all_of(answered);
+    EXPECT_TRUE(says(answered, fmt::format("drive: '{}'", title))) << all_of(answered);
+  }
 }
 
 }  // namespace
