@@ -1,8 +1,9 @@
 // The work of a drive on a motion, each way apart.
 //
 // Friction takes energy whichever way a mass moves. A weight or a spring gives back one way what it
-// took the other way. So a drive that takes energy out of a mass both ways, W = sum f dx < 0 forwards
-// and backwards, is counted the other way, or the motion is, or something else moves the mass.
+// took the other way. So a drive that takes energy out of a mass both ways, W = sum f dx < 0
+// forwards and backwards, is counted the other way, or the motion is, or something else moves the
+// mass.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,8 +27,8 @@ struct DriveWorkBothWays {
   DriveWorkBothWays& operator+=(const DriveWorkBothWays& other);  // of another recording
 };
 
-// Of evenly sampled signals of equal length. Samples that hardly move or are missing do not count. Displacements
-// are taken over as many samples as noise and counts ask for. Cost O(n).
+// Of evenly sampled signals of equal length. Samples that hardly move or are missing do not count.
+// Displacements are taken over as many samples as noise and counts ask for. Cost O(n).
 [[nodiscard]] DriveWorkBothWays drive_work(const Eigen::VectorXd& force,
                                            const Eigen::VectorXd& motion, bool is_velocity);
 

@@ -1,5 +1,5 @@
-// Diagnoses of logs in which a machine moves once, or one way: what falls and comes to rest, what is
-// started with a drive that is counted the other way, and drives whose gain bends.
+// Diagnoses of logs in which a machine moves once, or one way: what falls and comes to rest, what
+// is started with a drive that is counted the other way, and drives whose gain bends.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
