@@ -55,10 +55,12 @@ double least_z(const LastFit& last) {
 }
 
 // Friction at one speed and one standstill has a least size and hardly a largest: its error says
-// that its size is not told, and the fit without it that it is there.
+// that its size is not told, and the fit without it that it is there. A channel that would be later
+// than the search allows is something else.
 bool is_surely_there(const LastFit& last, const PlacedFinding& law, const JudgedModel& without) {
   constexpr double kNearlyAll = 0.9, kSure = 100.0;  // of the cost, chi-square
   return last.hypotheses->acts_in_moments(law.hypothesis) &&
+         !is_late_at_bound(last.found.fit, law) &&
          1.0 - last.found.fit.cost / without.fit.cost > kNearlyAll &&
          last.evidence_over(without) > kSure;
 }

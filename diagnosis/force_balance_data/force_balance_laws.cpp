@@ -6,6 +6,7 @@
 #include <limits>
 #include <string_view>
 
+#include "diagnosis/hypotheses/law_trend.hpp"
 #include "problems/mechanisms/rigid_body_regressor.hpp"
 
 namespace graybox {
@@ -238,6 +239,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   MotionScale scale;
   if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  double forwards = 0.0, backwards = 0.0;  // squared velocities
   for (const Motion& piece : rows.pieces) {
     if (!place.location.load.empty() && piece.load != place.location.load) continue;
     const RecordedPlaceMotion motion = motion_at(place, piece);
@@ -247,6 +249,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
       scale.deflections.push_back(std::abs(motion.deflection(t)));
       scale.excursions.push_back(std::abs(motion.deflection(t) - mean));
       scale.rates.push_back(std::abs(motion.rate(t)));
+      (motion.rate(t) > 0.0 ? forwards : backwards) += motion.rate(t) * motion.rate(t);
       lowest = std::min(lowest, motion.deflection(t));
       highest = std::max(highest, motion.deflection(t));
     }
@@ -255,6 +258,7 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   std::sort(scale.excursions.begin(), scale.excursions.end());
   std::sort(scale.rates.begin(), scale.rates.end());
   scale.range = highest - lowest;
+  scale.goes_one_way = std::min(forwards, backwards) < kOneWay * (forwards + backwards);
   const Motion& piece = rows.pieces.front();
   if (place.location.units.deflection == "m") {
     constexpr double kSamplesAWave = 2.0;

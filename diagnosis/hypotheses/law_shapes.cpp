@@ -374,9 +374,18 @@ double MotionScale::rate(double share) const {
   return rates.empty() ? 0.0 : quantile(rates, share);
 }
 
+namespace {
+
+bool has_memory(std::string_view law) {
+  return law == "dahl" || law == "lugre" || law == "bouc_wen" || law == "play_and_slip";
+}
+
+}  // namespace
+
 std::vector<LawShape> law_shapes(const LawEntry& entry, const CandidatePlace& place,
                                  const MotionScale& scale) {
   const std::string& name = entry.name;
+  if (scale.goes_one_way && has_memory(name)) return {};
   if (!entry.definition.empty()) return shapes_of_definition(entry, scale);
   if (name == "backlash") return backlash(place, scale);
   if (name == "dead_zone") return dead_zone(scale);

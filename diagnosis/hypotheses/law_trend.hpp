@@ -35,6 +35,7 @@ void append_position_covariates(const Eigen::VectorXd& position,
                                 std::vector<TrendCovariate>& covariates);
 // The direction that has less of a motion: its share of the squared velocities.
 [[nodiscard]] double lesser_way(const Eigen::VectorXd& rate);
+inline constexpr double kOneWay = 0.01;  // of a lesser way: it may be noise
 
 // Slow or fast; there or back, where it moves both ways.
 void append_rate_covariates(const Eigen::VectorXd& rate, std::vector<TrendCovariate>& covariates);

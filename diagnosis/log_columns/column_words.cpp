@@ -48,7 +48,19 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"samples", LogQuantity::kOther},
     {"time", LogQuantity::kTime},
     {"timestamp", LogQuantity::kTime},
+    {"timestamps", LogQuantity::kTime},
+    {"times", LogQuantity::kTime},
     {"stamp", LogQuantity::kTime},
+    {"stamps", LogQuantity::kTime},
+    {"tstamp", LogQuantity::kTime},
+    {"datetime", LogQuantity::kTime},
+    {"unixtime", LogQuantity::kTime},
+    {"rostime", LogQuantity::kTime},
+    {"simtime", LogQuantity::kTime},
+    {"systime", LogQuantity::kTime},
+    {"localtime", LogQuantity::kTime},
+    {"walltime", LogQuantity::kTime},
+    {"uptime", LogQuantity::kTime},
     {"zeit", LogQuantity::kTime},
     {"uhrzeit", LogQuantity::kTime},
     {"zeitstempel", LogQuantity::kTime},
@@ -76,6 +88,8 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
     {"qvel", LogQuantity::kVelocity},
     {"jvel", LogQuantity::kVelocity},
     {"speed", LogQuantity::kVelocity},
+    {"spd", LogQuantity::kVelocity},
+    {"angvel", LogQuantity::kVelocity, MotionKind::kRotary},
     {"tacho", LogQuantity::kVelocity},
     {"tach", LogQuantity::kVelocity},
     {"tachometer", LogQuantity::kVelocity},
@@ -169,20 +183,37 @@ constexpr auto kQuantityWords = std::to_array<QuantityWord>({
 // Letters that people use; another signal may be meant.
 constexpr auto kLetters = std::to_array<QuantityWord>({
     {"t", LogQuantity::kTime},
+    {"ts", LogQuantity::kTime},
+    {"epoch", LogQuantity::kTime},
+    {"unix", LogQuantity::kTime},
+    {"utc", LogQuantity::kTime},
     {"qd", LogQuantity::kVelocity},
     {"w", LogQuantity::kVelocity, MotionKind::kRotary},
     {"v", LogQuantity::kVelocity},
+    {"gyro", LogQuantity::kVelocity, MotionKind::kRotary},
+    {"twist", LogQuantity::kVelocity},
     {"q", LogQuantity::kPosition},
     {"qm", LogQuantity::kPosition},
     {"qg", LogQuantity::kPosition},
     {"th", LogQuantity::kPosition, MotionKind::kRotary},
     {"x", LogQuantity::kPosition, MotionKind::kLinear},
     {"y", LogQuantity::kPosition},
+    {"yaw", LogQuantity::kPosition, MotionKind::kRotary},
+    {"pitch", LogQuantity::kPosition, MotionKind::kRotary},
+    {"roll", LogQuantity::kPosition, MotionKind::kRotary},
+    {"psi", LogQuantity::kPosition, MotionKind::kRotary},
+    {"heading", LogQuantity::kPosition, MotionKind::kRotary},
+    {"tilt", LogQuantity::kPosition, MotionKind::kRotary},
+    {"azimuth", LogQuantity::kPosition, MotionKind::kRotary},
+    {"rotation", LogQuantity::kPosition, MotionKind::kRotary},
+    {"distance", LogQuantity::kPosition, MotionKind::kLinear},
+    {"dist", LogQuantity::kPosition, MotionKind::kLinear},
     {"i", LogQuantity::kCurrent},
     {"f", LogQuantity::kForce, MotionKind::kLinear},
     {"par", LogQuantity::kForce, MotionKind::kRotary},  // a parameter, else
     {"u", LogQuantity::kCommand},
     {"cmd", LogQuantity::kCommand},
+    {"command", LogQuantity::kCommand},
 });
 
 // How a signal came to be, and where in the machine it is.
@@ -208,6 +239,11 @@ constexpr auto kNoteWords = std::to_array<Word>(
      "nd",    "rd",         "th",     "calculated", "calc",   "computed", "estimated",
      "est",   "unfiltered", "robot",  "encoder",    "signal", "sim",      "simulated",
      "none",  "unknown",    "na",     "total",      "sum",    "mean",     "average"});
+
+// Others that stand behind a unit: "rpm_raw".
+constexpr auto kValueWords =
+    std::to_array<Word>({"raw", "val", "value", "values", "data", "reading", "avg", "l", "r", "fl",
+                         "fr", "rl", "rr", "wheel", "shaft", "of"});
 
 using Words = std::vector<std::string>;
 
@@ -282,13 +318,15 @@ Words without_compounds(const Words& words) {
   return parts;
 }
 
-// "v_in", "V out": a voltage's letter and where it is.
+// "v_in", "V out": a voltage's letter and where it is; "i_q": a current of a drive.
 Words with_voltages_joined(const Words& words) {
   static constexpr auto kPlaces = std::to_array<Word>({"in", "out", "mot", "motor"});
   Words joined;
   for (const std::string& word : words) {
     const bool is_place = std::ranges::find(kPlaces, word) != kPlaces.end();
-    if (is_place && !joined.empty() && joined.back() == "v") {
+    const bool is_letter = (is_place && !joined.empty() && joined.back() == "v") ||
+                           (word == "q" && !joined.empty() && joined.back() == "i");
+    if (is_letter) {
       joined.back() += word;
     } else {
       joined.push_back(word);
@@ -328,23 +366,76 @@ std::string without_brackets(std::string_view title, ColumnWords& result) {
   return text;
 }
 
-// The unit that the last words are; these go.
-void take_unit_words(Words& words, ColumnWords& result) {
-  for (std::size_t count = std::min<std::size_t>(3, words.size()); count > 0; --count) {
-    if (count == words.size() && words.size() > 1) continue;
-    const std::string text = joined_words(std::span(words).subspan(words.size() - count, count));
+// Words of a title that are a unit.
+struct UnitWords {
+  WrittenUnit unit;
+  std::size_t first = 0, count = 0;
+};
+
+bool names(const Words& words, LogQuantity quantity) {
+  return std::ranges::any_of(kQuantityWords, [&](const QuantityWord& row) {
+    return row.quantity == quantity && std::ranges::find(words, row.word) != words.end();
+  });
+}
+
+// A unit of a rate or a force that is hardly anything else: "rpm", "rad s", not "m s" or "u min".
+bool is_distinct(const std::string& text, const WrittenUnit& unit) {
+  const LogQuantity quantity = quantity_of_unit(unit.unit);
+  const bool is_such = quantity == LogQuantity::kVelocity ||
+                       quantity == LogQuantity::kAcceleration || quantity == LogQuantity::kForce;
+  const bool has_letter = text.size() < 2 || text[1] == ' ';  // "s", "m s"
+  return is_such && !has_letter && text != "in s" && text.find_first_of("0123456789") > text.size();
+}
+
+// The unit in which the first `end` words end.
+std::optional<UnitWords> unit_before(const Words& words, std::size_t end) {
+  for (std::size_t count = std::min<std::size_t>(3, end); count > 0; --count) {
+    const std::string text = joined_words(std::span(words).subspan(end - count, count));
     // "encoder second" is one of two encoders, and "second" alone is a time.
     const bool is_second = words.size() == 1 && text == "second";
     const WrittenUnit unit = is_second ? WrittenUnit{"s", 1.0} : unit_of_words(text);
     // "m s" may end "theta_m_s"; a unit of one word may be a title of its own ("rpm").
-    if (unit.unit.empty()) continue;
-    if (result.unit.empty() && result.odd_unit.empty()) {
-      result.unit = unit.unit;
-      result.unit_factor = unit.factor;
+    const bool is_whole = count == end && end > 1;
+    if (unit.unit.empty() || (is_whole && !is_distinct(text, unit))) continue;
+    if (text == "in s" && names(words, LogQuantity::kTime)) {  // "zeit_in_s"
+      return UnitWords{{"s", 1.0}, end - count, count};
     }
-    words.resize(words.size() - count);
-    return;
+    // "vel_rad_s_2" is that of number 2.
+    const bool is_number = text.ends_with(" s 2") && names(words, LogQuantity::kVelocity);
+    return is_number ? unit_before(words, end - 1) : UnitWords{unit, end - count, count};
   }
+  return {};
+}
+
+// Whether a word says how a signal came to be, which one of several it is, or nothing.
+bool is_manner(const std::string& word) {
+  const Words one{word};
+  return std::isdigit(static_cast<unsigned char>(word[0])) != 0 || has_any(one, kReferenceWords) ||
+         has_any(one, kMeasuredWords) || has_any(one, kFilteredWords) || has_any(one, kLoadWords) ||
+         has_any(one, kMotorWords) || has_any(one, kNoteWords) || has_any(one, kValueWords);
+}
+
+// The unit behind which words of that kind stand alone: "rpm_actual", "pos_deg_raw".
+std::optional<UnitWords> unit_before_manner(const Words& words) {
+  // "us_1" may be an ultrasonic sensor, "ma_5" a mean.
+  static constexpr auto kShort = std::to_array<Word>({"ms", "us", "ns", "ma", "mv", "um"});
+  for (std::size_t end = words.size(); end > 1 && is_manner(words[end - 1]); --end) {
+    const std::optional<UnitWords> found = unit_before(words, end - 1);
+    if (!found) continue;
+    const LogQuantity quantity = quantity_of_unit(found->unit.unit);
+    const bool is_short =
+        found->count == 1 && has_any({words[found->first]}, kShort) && !names(words, quantity);
+    const bool is_time = quantity == LogQuantity::kTime && !names(words, quantity);
+    return is_short || is_time ? std::nullopt : found;
+  }
+  return {};
+}
+
+Words without_unit(const Words& words, const UnitWords& unit) {
+  Words others = words;
+  const auto first = others.begin() + static_cast<std::ptrdiff_t>(unit.first);
+  others.erase(first, first + static_cast<std::ptrdiff_t>(unit.count));
+  return others;
 }
 
 // "xpos", "yvolt": the letter of an axis before a word for a quantity goes.
@@ -383,6 +474,88 @@ void read_quantity(const Words& words, ColumnWords& result) {
   }
 }
 
+// A unit anywhere that is one of the quantity that the other words name, or hardly anything else:
+// "rpm_speed", "wheel rpm of the cart".
+std::optional<UnitWords> unit_within(const Words& words) {
+  for (std::size_t first = 0; first + 1 < words.size(); ++first) {
+    for (std::size_t count = std::min<std::size_t>(3, words.size() - 1 - first); count > 0;
+         --count) {
+      const std::string text = joined_words(std::span(words).subspan(first, count));
+      const UnitWords found{unit_of_words(text), first, count};
+      if (found.unit.unit.empty()) continue;
+      ColumnWords others;
+      read_quantity(without_unit(words, found), others);
+      const LogQuantity by_unit = quantity_of_unit(found.unit.unit);
+      const bool fits = others.sure && others.quantity == by_unit;
+      const bool is_rate = others.quantity == LogQuantity::kPosition &&
+                           by_unit == LogQuantity::kVelocity;  // "rpm_encoder"
+      if (fits || ((!others.sure || is_rate) && is_distinct(text, found.unit))) return found;
+    }
+  }
+  return {};
+}
+
+// "vel_ticks_s", "cps": a speed in counts, of which no unit is known.
+bool is_rate_of_counts(const Words& words) {
+  static constexpr auto kSeconds = std::to_array<Word>({"s", "sec", "second"});
+  if (words.empty() || words.back() == "cps") return !words.empty();
+  if (!has_any({words.back()}, kSeconds) || words.size() < 2) return false;
+  const bool has_per = words[words.size() - 2] == "per";
+  const std::size_t at = words.size() - (has_per ? 3 : 2);
+  return at < words.size() && unit_of_words(words[at]).unit == "counts" &&
+         (has_per || words[at].ends_with('s'));  // "tick_s" may be a time
+}
+
+// The unit that some of the words are; these go.
+void take_unit_words(Words& words, ColumnWords& result) {
+  if (is_rate_of_counts(words)) {
+    if (result.unit.empty() && result.odd_unit.empty()) result.odd_unit = "counts/s";
+    words.emplace_back("speed");
+    return;
+  }
+  std::optional<UnitWords> found = unit_before(words, words.size());
+  if (!found) found = unit_before_manner(words);
+  if (!found) found = unit_within(words);
+  if (!found) return;
+  if (result.unit.empty() && result.odd_unit.empty()) {
+    result.unit = found->unit.unit;
+    result.unit_factor = found->unit.factor;
+  }
+  words = without_unit(words, *found);
+  const LogQuantity quantity = quantity_of_unit(found->unit.unit);
+  const bool is_motion = quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
+  if (is_motion) std::erase(words, "current");  // "current_rpm": that it has now
+}
+
+// A rate's unit that is written with a stroke, a word by itself: "n U/min ist". It goes.
+void take_stroke_unit(std::string& text, ColumnWords& result) {
+  for (std::size_t first = 0; first < text.size();) {
+    const std::size_t end = std::min(text.find(' ', first), text.size());
+    const std::string word = text.substr(first, end - first);
+    const WrittenUnit unit = word.find('/') == std::string::npos || word.size() > 12
+                                 ? WrittenUnit{}
+                                 : written_unit(word);
+    const LogQuantity quantity = quantity_of_unit(unit.unit);
+    if (quantity == LogQuantity::kVelocity || quantity == LogQuantity::kAcceleration) {
+      if (result.unit.empty() && result.odd_unit.empty()) {
+        result.unit = unit.unit;
+        result.unit_factor = unit.factor;
+      }
+      text.erase(first, end - first);
+      return;
+    }
+    first = end + 1;
+  }
+}
+
+// A speed's frequency is in turns a second: "speed_hz", but for the rate of a loop.
+bool is_speed_in_hertz(const Words& words, const ColumnWords& result) {
+  if (result.quantity != LogQuantity::kVelocity || !result.unit.empty()) return false;
+  Words others = words;
+  std::erase(others, "rate");
+  return has_any(words, std::to_array<Word>({"hz"})) && names(others, LogQuantity::kVelocity);
+}
+
 // Whether a quantity that a whole word names can be in a unit of this one and this motion.
 bool fits_quantity(LogQuantity by_unit, MotionKind motion_of_unit, const ColumnWords& words) {
   using Q = LogQuantity;
@@ -405,10 +578,7 @@ bool fits_quantity(LogQuantity by_unit, MotionKind motion_of_unit, const ColumnW
 void let_unit_decide(const Words& words, ColumnWords& result) {
   if (result.unit.empty()) return;
   const LogQuantity by_unit = quantity_of_unit(result.unit);
-  const bool names_it = std::ranges::any_of(kQuantityWords, [&](const QuantityWord& row) {
-    return row.quantity == by_unit && std::ranges::find(words, row.word) != words.end();
-  });
-  if (names_it && result.quantity != LogQuantity::kOther) result.quantity = by_unit;
+  if (names(words, by_unit) && result.quantity != LogQuantity::kOther) result.quantity = by_unit;
   if (!fits_quantity(by_unit, motion_of_unit(result.unit), result)) {
     result.odd_unit = result.unit;
     result.unit.clear();
@@ -538,10 +708,12 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
   }
   std::string text = without_brackets(spelled_out(title), result);
   replace_all(text, " in ", " ");  // "Zeit in s" is in no inch a second
+  take_stroke_unit(text, result);
   const Words written = words_as_written(text);
   Words words = in_lower_case(written);
   take_unit_words(words, result);
-  const std::string last = words.empty() ? "" : written[words.size() - 1];
+  const std::string last =
+      words.empty() || words.size() > written.size() ? "" : written[words.size() - 1];
   words = with_voltages_joined(without_compounds(words));
   read_quantity(words, result);
   if (result.unit.empty() && result.odd_unit.empty() && words.size() > 1) {
@@ -552,8 +724,16 @@ ColumnWords read_column_words(std::string_view title, std::string_view stated_un
     result.unit = hertz.unit;
     result.odd_unit.clear();
   }
+  if (is_speed_in_hertz(words, result)) result.unit = "turn/s";
   let_unit_decide(words, result);
   read_manner(words, result);
+  // A speed in the books of drives, and else a number of something.
+  const bool is_speed = result.is_measured || result.is_reference;
+  if (result.quantity == LogQuantity::kUnknown && result.unit.empty() && is_speed &&
+      std::ranges::find(words, "n") != words.end()) {
+    result.quantity = LogQuantity::kVelocity;
+    result.motion = MotionKind::kRotary;
+  }
   for (const std::string& word : words) {
     if (result.index || std::isdigit(static_cast<unsigned char>(word[0])) == 0) continue;
     if (word.size() < 4) result.index = std::stoi(word);

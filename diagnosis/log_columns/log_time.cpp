@@ -47,6 +47,21 @@ bool has_regular_steps(const Eigen::VectorXd& values) {
   return 100 * off < values.size();
 }
 
+// Of one size but for the digits that are written.
+bool has_equal_steps(const Eigen::VectorXd& values) {
+  constexpr double kWritten = 0.02;  // of a step
+  const double step =
+      (values(values.size() - 1) - values(0)) / static_cast<double>(values.size() - 1);
+  const Eigen::ArrayXd steps = values.tail(values.size() - 1) - values.head(values.size() - 1);
+  return step > 0.0 && (steps - step).abs().maxCoeff() < kWritten * step;
+}
+
+bool is_letter_x(const LogColumn& column) {
+  const std::vector<std::string> words = words_of(column.name);
+  return column.words.unit.empty() && !words.empty() && words.front() == "x" &&
+         (words.size() == 1 || (words.size() == 2 && words.back() == "value"));
+}
+
 // By its title: of what length is not said.
 bool counts_ticks(const std::string& title) {
   const std::vector<std::string> words = words_of(title);
@@ -87,9 +102,12 @@ const LogColumn* time_column(const LogRecording& recording) {
   }
   if (falls != nullptr) refuse_times(recording, *falls);
   const LogColumn& first = recording.columns.front();
-  const bool is_first = first.words.quantity == LogQuantity::kUnknown &&
-                        !counts_ticks(first.name) && first_fall(first.values) < 0 &&
-                        !counts_samples(first.values) && has_regular_steps(first.values);
+  // "X_Value" of LabVIEW, or x of a plot.
+  const bool may_be = first.words.quantity == LogQuantity::kUnknown ||
+                      (is_letter_x(first) && has_equal_steps(first.values));
+  const bool is_first = may_be && !first.answered && !counts_ticks(first.name) &&
+                        first_fall(first.values) < 0 && !counts_samples(first.values) &&
+                        has_regular_steps(first.values);
   return is_first ? &first : nullptr;
 }
 
@@ -101,16 +119,6 @@ std::string unit_of_epoch(double first) {
     if (first > 1e9 * scale && first < 4e9 * scale) return unit;
   }
   return "";
-}
-
-// By the size of the step; empty where two units are as likely.
-std::string unit_of_step(double step) {
-  if (step <= 0.1) return "s";
-  if (step < 2.0) return "";  // 5 Hz in s or 5 kHz in ms; samples, ms or s
-  if (step < 50.0) return "ms";
-  if (step < 300.0) return "";  // 10 Hz in ms or 10 kHz in us
-  if (step < 1e5) return "us";
-  return step < 2e5 ? "" : "ns";
 }
 
 void find_unit_of_time(const LogRecording& recording, const LogColumn& column, LogTime& time) {
@@ -140,6 +148,15 @@ double step_of_uneven(const Eigen::VectorXd& times, double median) {
 double in_two_digits(double value) { return std::stod(fmt::format("{:.2g}", value)); }
 
 }  // namespace
+
+std::string unit_of_step(double step) {
+  if (step <= 0.1) return "s";
+  if (step < 2.0) return "";  // 5 Hz in s or 5 kHz in ms; samples, ms or s
+  if (step < 50.0) return "ms";
+  if (step < 300.0) return "";  // 10 Hz in ms or 10 kHz in us
+  if (step < 1e5) return "us";
+  return step < 2e5 ? "" : "ns";
+}
 
 double LogTime::seconds() const {
   const Unit* known = find_unit(unit);

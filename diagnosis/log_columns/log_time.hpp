@@ -44,6 +44,8 @@ struct LogTime {
 [[nodiscard]] const LogColumn* ticking_column(const LogRecording& recording);
 // Whether numbers only rise, in steps of about one size: as a counter's, and as no force's.
 [[nodiscard]] bool rises_evenly(const Eigen::VectorXd& values);
+// The unit of a time by the size of its steps; empty where two are as likely.
+[[nodiscard]] std::string unit_of_step(double step);
 // The smallest and the largest step of a column from row to row, but for one in a hundred each.
 [[nodiscard]] std::pair<double, double> steps_between_rows(const LogColumn& column);
 

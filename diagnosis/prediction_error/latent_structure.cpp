@@ -10,6 +10,7 @@
 #include <functional>
 #include <numbers>
 
+#include "diagnosis/hypotheses/law_trend.hpp"
 #include "diagnosis/prediction_error/ripple_trials.hpp"
 #include "diagnosis/predictor/left_out_blocks.hpp"
 
@@ -77,6 +78,12 @@ std::string_view position_unit(const LumpedModel& model) {
   const bool rotates = std::ranges::any_of(
       model.parameters, [](const LumpedParameter& each) { return each.unit == "kg m^2"; });
   return rotates ? "rad" : "m";
+}
+
+bool measures_position(const LumpedModel& model) {
+  return std::ranges::any_of(model.outputs, [](const LumpedOutput& output) {
+    return output.quantity == LumpedOutput::Quantity::kPosition;
+  });
 }
 
 MatrixXd of_speed(const VectorXd& v) {
@@ -225,9 +232,12 @@ std::vector<LatentStructure> latent_structures(const PredictionData& data, Exper
   Asked asked(force.force, std::move(moving), block_edges(units, count));
   const Index coordinates = force.motion.cols() / 2, own = force.disturbance.coordinate;
   const auto name = [&](Index i) { return model.mass_names[static_cast<std::size_t>(i)]; };
+  const bool has_position = measures_position(model);
   const auto ask_motion = [&](const VectorXd& q, const VectorXd& v, const std::string& place) {
-    asked.ask("position", "the position of " + place, of_position(q));
     asked.ask("speed", "the speed of " + place, of_speed(v));
+    // What goes on and on is nowhere that it was before, and its position is the time.
+    if (lesser_way(v) < kOneWay && !has_position) return;
+    asked.ask("position", "the position of " + place, of_position(q));
     asked.ask("reversals", "the reversals of " + place, of_reversals(q, starts));
   };
   ask_motion(force.motion.col(own), force.motion.col(coordinates + own), name(own));

@@ -1,7 +1,8 @@
 // Whether what is left of a model depends on the motion. The latent force (latent_force.hpp) is
 // held against free curves, each by itself:
 //
-//   position       of the place: a curve through knots, and 24 orders of a period of its range
+//   position       of the place: a curve through knots, and 24 orders of a period of its range;
+//                  not where it goes one way and no position is recorded
 //   speed          of the place: a curve, with a step at zero
 //   drive          the forces that act: now, and in exponential means of longer and longer memory
 //   load           the size of the force that acts, against the velocity

@@ -59,6 +59,27 @@ std::vector<std::vector<LawExtension>> dragged_friction(const std::vector<LawExt
   return groups;
 }
 
+std::vector<std::vector<LawExtension>> bent_drives(const std::vector<LawExtension>& extensions,
+                                                   const LumpedModel& model) {
+  std::vector<std::vector<LawExtension>> groups;
+  for (const LawExtension& drive : extensions) {
+    if (drive.law != "curved_gain") continue;
+    const LumpedInput& input = model.inputs[static_cast<std::size_t>(drive.location.channel)];
+    const auto brakes = [&](const LawExtension& law) {
+      return law.law == "coulomb" && law.location.driver < 0 && !law.replaces &&
+             free_mass_of(law, model) == input.mass;
+    };
+    const auto friction = std::ranges::find_if(extensions, brakes);
+    if (friction != extensions.end()) groups.push_back({*friction, drive});
+  }
+  return groups;
+}
+
+std::vector<std::vector<LawExtension>> braked_weights(const std::vector<LawExtension>& extensions,
+                                                      const LumpedModel& model) {
+  return pairs_of("gravity", "coulomb", extensions, model);
+}
+
 std::vector<std::vector<LawExtension>> resting_springs(const std::vector<LawExtension>& extensions,
                                                        const LumpedModel& model) {
   return pairs_of("stiffness", "offset", extensions, model);

@@ -7,6 +7,10 @@
 // Coulomb friction and drag at one mass: beside a damping that is stated, each alone bends the
 // wrong way.
 //
+// Coulomb friction at one mass and a drive whose gain bends: each alone bends the wrong way, too.
+//
+// A weight and Coulomb friction at one mass: what falls once and comes to rest shows neither alone.
+//
 // A spring and where it rests: stiffness and a constant force at a free mass. About the zero of the
 // sensor a spring pulls the wrong way wherever the mass swings on one side of that zero.
 #pragma once
@@ -24,6 +28,14 @@ namespace graybox {
 
 // Where one mass moves freely that has neither, Coulomb friction and drag.
 [[nodiscard]] std::vector<std::vector<LawExtension>> dragged_friction(
+    const std::vector<LawExtension>& extensions, const LumpedModel& model);
+
+// By drive of a free mass that has neither, Coulomb friction and a curved gain.
+[[nodiscard]] std::vector<std::vector<LawExtension>> bent_drives(
+    const std::vector<LawExtension>& extensions, const LumpedModel& model);
+
+// By free mass that has neither, a weight and Coulomb friction.
+[[nodiscard]] std::vector<std::vector<LawExtension>> braked_weights(
     const std::vector<LawExtension>& extensions, const LumpedModel& model);
 
 // By free mass that has neither, a spring and a constant force.

@@ -22,7 +22,7 @@ constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a sp
 
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
-  if (kind != LocationKind::kElement) return law == "dead_zone" ? 1 : 0;
+  if (kind != LocationKind::kElement) return law == "dead_zone" || law == "curved_gain" ? 1 : 0;
   for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "gravity"}) {
     if (law == plain) return 0;
   }
@@ -250,6 +250,7 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   if (is_actuator) {
     add(place, yaml, "saturation");
     add(place, yaml, "dead_zone");
+    add(place, yaml, "curved_gain");
   } else {
     add(place, yaml, "offset");
     using enum LumpedOutput::Quantity;
@@ -387,7 +388,6 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
 // measured, that is all that is known of it.
 bool PredictionHypotheses::winds_up(const Location& place, const MotionAt& at) const {
   constexpr double kTwoTurns = 4.0 * std::numbers::pi;
-  constexpr double kOneWay = 0.01;  // of the squared velocity, in the direction that has less
   const bool is_one_mass = (place.output.array() != 0.0).count() == 1;
   const bool goes_on = at.lesser_way < kOneWay || (rotates_ && at.range > kTwoTurns);
   return !measures_position_ && is_one_mass && goes_on;
@@ -504,6 +504,7 @@ void PredictionHypotheses::extend_ripples(const LawExtension& plain,
 void PredictionHypotheses::extend_memory(const LawExtension& plain,
                                          const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {
+  if (at.lesser_way < kOneWay) return;  // what never turns back shows no memory
   if (plain.law == "bouc_wen" && !at.is_of_free_mass) {
     extend_bouc_wen(plain, present, at, list);
   } else if (plain.law == "dahl" && !part_at(present.model, plain.location, "bouc_wen")) {
@@ -591,6 +592,9 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
   const bool is_actuator = plain.location.kind == LocationKind::kActuator;
   if (is_actuator && !(input_peaks_[static_cast<std::size_t>(plain.location.channel)] > 0.0))
     return;
+  // What nothing drives is the same motion later, from another start.
+  const bool is_the_only_clock = data_->moves_freely() && data_->output_count() == 1;
+  if (is_late_channel(hypothesis) && is_the_only_clock) return;
   const auto channel = static_cast<std::size_t>(plain.location.channel);
   const double sample_time = data_->sample_time();
   const double size =
@@ -601,6 +605,10 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
     list.push_back(amplitude(plain, {0.0}, 0, 1.0, false));
   } else if (plain.law == "offset" || plain.law == "dead_zone") {
     list.push_back(amplitude(plain, {0.0}, 0, size, plain.law == "dead_zone"));
+  } else if (plain.law == "curved_gain") {
+    LawExtension law = amplitude(plain, {0.0, input_peaks_[channel]}, 0, 1.0, false);
+    law.fixed = {false, true};
+    list.push_back(std::move(law));
   } else if (plain.law == "saturation") {
     for (const double share : {0.8, 0.5, 0.3}) {
       const double limit = share * input_peaks_[channel];

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "diagnosis/prediction_error/search_start.hpp"
+#include "diagnosis/signals/drive_work.hpp"
 
 namespace graybox {
 namespace {
@@ -37,16 +38,17 @@ bool has_one_force(const LumpedModel& model) {
   });
 }
 
-// With a spring at every free mass that has none.
+// With a spring at every free mass that has none, and a constant force if one is asked for.
 PredictionFit with_springs(const PredictionFit& stated, const PredictionData& data,
-                           const PredictionHypotheses& hypotheses, int threads) {
+                           const PredictionHypotheses& hypotheses, bool with_force, int threads) {
   constexpr double kStart = 0.01;  // of the forces that act
   const PredictionTask task = data.windows(data.first_horizon());
   const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
   ExtendedLumpedModel model = stated.model;
   for (const LawExtension& law : hypotheses.extensions(stated.model, fitter.motion(stated))) {
     const bool is_of_mass = (law.location.output.array() != 0.0).count() == 1;
-    if (law.law == "stiffness" && is_of_mass) model = extended(model, law, kStart * law.unit);
+    const bool is_asked = law.law == "stiffness" || (with_force && law.law == "offset");
+    if (is_asked && is_of_mass) model = extended(model, law, kStart * law.unit);
   }
   return short_fit(model, data, threads);
 }
@@ -86,7 +88,41 @@ ChannelFault fault_of(std::vector<std::string> channels, const std::string& reas
   return fault;
 }
 
-// The pattern in which all outputs are reversed is held against the model with springs.
+// The output that measures the mass on which the force acts; none where no output does.
+std::optional<std::size_t> driven_output(const LumpedModel& model) {
+  if (model.inputs.front().kind != LumpedInput::Kind::kForce) return {};
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    using enum LumpedOutput::Quantity;
+    const LumpedOutput& output = model.outputs[j];
+    const bool is_motion = output.quantity == kPosition || output.quantity == kVelocity;
+    if (is_motion && output.mass == model.inputs.front().mass) return j;
+  }
+  return {};
+}
+
+// The work of the force on the mass that it acts on.
+DriveWorkBothWays work_of_force(const LumpedModel& model, const PredictionData& data) {
+  const std::optional<std::size_t> output = driven_output(model);
+  DriveWorkBothWays work;
+  if (!output) return work;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    if (recording.role != ExperimentRole::kEstimation) continue;
+    work += drive_work(recording.inputs.col(0),
+                       recording.outputs.col(static_cast<Eigen::Index>(*output)),
+                       model.outputs[*output].quantity == LumpedOutput::Quantity::kVelocity);
+  }
+  return work;
+}
+
+// How much less the reversed force must leave than any fit with the stated one, where blocks alone
+// do not tell: a single start moves in few of them.
+double share_that_tells(const DriveWorkBothWays& work) {
+  constexpr double kAnyway = 0.2, kAgainstMotion = 0.5;
+  if (takes_energy_both_ways(work)) return 1.0;
+  return takes_energy(work) ? kAgainstMotion : kAnyway;
+}
+
+// All outputs reversed against the stated signs, with springs and constant forces as well.
 std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const PredictionData& data,
                                               const PredictionHypotheses& hypotheses,
                                               const PredictionFit& stated, int threads) {
@@ -94,14 +130,26 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
   const PredictionData turned =
       data.with_reversed(model, std::vector<bool>(model.outputs.size(), true), threads);
   const PredictionFit reversed = fitted(model, turned, hypotheses, threads);
-  if (!is_clearly_better(reversed, stated)) return {};
-  const PredictionFit sprung = with_springs(stated, data, hypotheses, threads);
-  if (sprung.usable && !is_clearly_better(reversed, sprung)) return {};
-  return {fault_of({model.input_names.front()},
-                   fmt::format("the motion goes against it, and the other sign predicts {} samples "
-                               "ahead",
-                               data.first_horizon()),
-                   stated, reversed, data)};
+  const DriveWorkBothWays work = work_of_force(model, data);
+  const bool takes_both_ways = takes_energy_both_ways(work);
+  const double share = share_that_tells(work);
+  const auto is_better = [&](const PredictionFit& other) {
+    return is_clearly_better(reversed, other) ||
+           (reversed.usable && reversed.cost < share * other.cost);
+  };
+  if (!is_better(stated)) return {};
+  for (const bool with_force : {false, true}) {
+    if (takes_both_ways) break;  // that no spring and no constant force does
+    const PredictionFit sprung = with_springs(stated, data, hypotheses, with_force, threads);
+    if (sprung.usable && !is_better(sprung)) return {};
+  }
+  const std::string reason =
+      takes_both_ways
+          ? "it acts against the motion both ways, which takes energy out of the machine that no "
+            "friction, spring or weight has; else a hand or another machine moves it"
+          : fmt::format("the motion goes against it, and the other sign predicts {} samples ahead",
+                        data.first_horizon());
+  return {fault_of({model.input_names.front()}, reason, stated, reversed, data)};
 }
 
 }  // namespace

@@ -72,8 +72,8 @@ class DiagnosisBuilder {
     }
     const PredictionReasons reasons(from_);
     result_.detection.detected = !result_.effects.empty() || !reasons.is_disturbance();
-    result_.may_be_disturbed = result_.effects.empty() && from_.final->rest().force() != nullptr &&
-                               reasons.is_without_structure();
+    result_.may_be_disturbed =
+        result_.effects.empty() && reasons.leaves_force() && reasons.is_without_structure();
     result_.checked = checked();
     result_.implausible =
         implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
@@ -274,7 +274,17 @@ std::string hold_scale(const PredictionData& data, LumpedModel& model) {
   const bool is_told = std::ranges::any_of(model.parameters, [&](const LumpedParameter& parameter) {
     return parameter.fixed && tells_scale(parameter);
   });
-  if (!data.moves_freely() || is_told) return {};
+  if (!data.moves_freely()) return {};
+  const auto held = std::ranges::find_if(model.parameters, [](const LumpedParameter& parameter) {
+    return parameter.fixed && parameter.unit.starts_with("kg");
+  });
+  if (held != model.parameters.end()) {
+    return fmt::format(
+        "No force acts in these recordings, so forces are known relative to {}, which is stated: "
+        "{:.4g} {}.",
+        held->name, held->value, held->unit);
+  }
+  if (is_told) return {};
   for (LumpedParameter& parameter : model.parameters) {
     if (!parameter.unit.starts_with("kg") || !(parameter.value > 0.0)) continue;
     parameter.fixed = true;
@@ -290,17 +300,19 @@ std::string hold_scale(const PredictionData& data, LumpedModel& model) {
 // vanish: it often stands in for friction that was found.
 std::string moved_words(const LumpedModel& stated,
                         const std::vector<LawParameterEstimate>& fitted) {
-  constexpr double kFar = 10.0;  // times
+  constexpr double kFar = 10.0;    // times
+  constexpr double kErrors = 2.0;  // within them nothing moved
   std::string words;
-  for (std::size_t i = 0; i < std::min(stated.parameters.size(), fitted.size()); ++i) {
-    const LumpedParameter& parameter = stated.parameters[i];
-    if (parameter.fixed || !(parameter.value > 0.0)) continue;
-    const double ratio = fitted[i].value / parameter.value;
+  for (const LumpedParameter& parameter : stated.parameters) {
+    const auto estimate = std::ranges::find(fitted, parameter.name, &LawParameterEstimate::name);
+    if (parameter.fixed || !(parameter.value > 0.0) || estimate == fitted.end()) continue;
+    const double ratio = estimate->value / parameter.value;
     const bool may_vanish = parameter.range == ParameterRange::kNonNegative;
     if (ratio < kFar && (may_vanish || ratio > 1.0 / kFar)) continue;
-    const double error = fitted[i].standard_error;
+    const double error = estimate->standard_error;
+    if (std::abs(estimate->value - parameter.value) < kErrors * error) continue;
     words += fmt::format("{}{} from {:.3g} to {:.3g}{} {}", words.empty() ? "" : "; ",
-                         fitted[i].name, parameter.value, fitted[i].value,
+                         parameter.name, parameter.value, estimate->value,
                          error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
   }
   return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";

@@ -109,6 +109,7 @@ std::vector<FoundEffect> PredictionEffects::of(std::span<const FittedLaw> laws) 
       add_rivals_elsewhere(model.laws[l].hypothesis, without, effect);
       add_richer_friction(l, effect);
       add_weight(l, effect);
+      add_bent_drive_or_drag(without, effect);
     }
     unite_delays(effect);
     effects.push_back(std::move(effect));
@@ -185,6 +186,25 @@ void PredictionEffects::add_weight(std::size_t law, FoundEffect& effect) const {
   rival.law = fitted_law(weight.fit.model, placed, nullptr);
   rival.bic_difference = z * std::abs(z);
   (z < kExcluded ? effect.rivals : effect.excluded).push_back(std::move(rival));
+}
+
+// At steady speeds a drive that gives less and less is a drag that grows with the square of speed.
+void PredictionEffects::add_bent_drive_or_drag(const JudgedModel& without,
+                                               FoundEffect& effect) const {
+  const std::vector<Hypothesis>& all = from_.hypotheses->hypotheses();
+  const std::string& found = all[effect.law.hypothesis].law;
+  if (found != "quadratic_drag" && found != "curved_gain") return;
+  const std::string other = found == "quadratic_drag" ? "curved_gain" : "quadratic_drag";
+  for (std::size_t h = 0; h < all.size(); ++h) {
+    if (all[h].law != other || is_found(h) || is_named(h, effect)) continue;
+    const JudgedModel exchanged = from_.final->with_law(without, h);
+    if (!exchanged.fit.usable) continue;
+    const double z = from_.final->z_over(exchanged);
+    Rival rival;
+    rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
+    rival.bic_difference = z * std::abs(z);
+    (z < kExcluded ? effect.rivals : effect.excluded).push_back(std::move(rival));
+  }
 }
 
 // A plain friction takes most of what a richer one would, and leaves a rest that may pass for a

@@ -37,6 +37,7 @@ class PredictionEffects {
                             FoundEffect& effect) const;
   void add_if_stands(std::size_t other, const JudgedModel& without, FoundEffect& effect) const;
   void add_weight(std::size_t law, FoundEffect& effect) const;
+  void add_bent_drive_or_drag(const JudgedModel& without, FoundEffect& effect) const;
   void add_richer_friction(std::size_t law, FoundEffect& effect) const;
   [[nodiscard]] bool raises_held_out(const JudgedModel& other) const;
   void unite_delays(FoundEffect& effect) const;

@@ -120,6 +120,11 @@ bool PredictionReasons::is_within_a_step() const {
   return true;
 }
 
+bool PredictionReasons::leaves_force() const {
+  const UnmodelledForce& rest = from_.final->rest();
+  return rest.force() != nullptr && 100.0 * rest.share() > kSmallForce;
+}
+
 bool PredictionReasons::is_without_structure() const {
   return 100.0 * from_.final->rest().structured_share() <= kStructureLimit;
 }

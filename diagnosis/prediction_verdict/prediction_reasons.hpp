@@ -19,6 +19,8 @@ class PredictionReasons {
 
   // What is left could be the sensors' noise and a disturbance.
   [[nodiscard]] bool is_disturbance() const;
+  // The force left is more than next to nothing.
+  [[nodiscard]] bool leaves_force() const;
   // The force left follows neither position nor speed by more than the limit.
   [[nodiscard]] bool is_without_structure() const;
   // The tests of a diagnosis whose effects, errors and implausibilities are known.

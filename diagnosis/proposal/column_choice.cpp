@@ -274,6 +274,28 @@ std::string answer_of(const LogColumn& column) {
   return fmt::format("{}={}", column.name, is_known ? name_of(column.words.quantity) : "command");
 }
 
+// Columns that may be a command, though their titles say something else.
+void offer_commands(const std::vector<const LogColumn*>& columns, OpenQuestion& question) {
+  for (const LogColumn* column : columns) {
+    if (!column->moves() || column->answered) continue;
+    const ColumnWords& words = column->words;
+    const std::vector<std::string> title = words_of(column->name);
+    const bool is_speed = words.quantity == LogQuantity::kVelocity;
+    const bool is_volts = is_speed && !words.sure && column->name.front() == 'V';  // "V_m"
+    const bool is_power =
+        words.quantity == LogQuantity::kOther && std::ranges::find(title, "power") != title.end();
+    if (!is_volts && !is_power && !(is_speed && words.is_reference)) continue;
+    const char* answer = is_volts ? "voltage" : "command";
+    const char* what = is_volts   ? "a voltage"
+                       : is_power ? "a power that is commanded"
+                                  : "a speed that is commanded";
+    question.choices.push_back({fmt::format("'{}', {}", column->name, what),
+                                {fmt::format("{}={}", column->name, answer)}});
+    question.option +=
+        fmt::format(", or --column '{}={}' if that is {}", column->name, answer, what);
+  }
+}
+
 }  // namespace
 
 const LogColumn* goal_among(const std::vector<const LogColumn*>& columns) {
@@ -355,6 +377,7 @@ OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns) 
          {column->name + "=command"}});
     question.option += fmt::format(", or --column '{}=command' if that is commanded", column->name);
   }
+  offer_commands(columns, question);
   offer_goals(columns, question);
   question.option += ", or --column NAME=torque";
   return question;

@@ -236,13 +236,18 @@ class MassCampaign {
     for (const LogColumn* column : machine_.columns) {
       if (is_used(column)) continue;
       const bool is_unknown = column->words.quantity == LogQuantity::kUnknown;
-      const char* why = !column->moves()                                  ? "never changes"
-                        : is_unknown && column->counts_rows()             ? "numbers the rows"
-                        : is_unknown && rises_evenly(column->values)      ? "a counter"
-                        : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
-                        : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
-                        : column->words.is_reference                      ? "a reference"
-                                                                          : "not needed";
+      const auto is_whole = [](const Eigen::VectorXd& values) {
+        return (values.array() == values.array().round()).all();
+      };
+      const char* why =
+          !column->moves()                      ? "never changes"
+          : is_unknown && column->counts_rows() ? "numbers the rows"
+          : is_unknown && rises_evenly(column->values)
+              ? (is_whole(column->values) ? "a counter" : "rises evenly, as a time does")
+          : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
+          : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
+          : column->words.is_reference                      ? "a reference"
+                                                            : "not needed";
       draft_.unused.push_back(fmt::format("{}: {}", column->name, why));
     }
     if (!draft_.unused.empty()) {

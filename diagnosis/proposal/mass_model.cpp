@@ -9,6 +9,7 @@
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signals/drive_work.hpp"
 
 namespace graybox {
 namespace {
@@ -67,8 +68,8 @@ class MassModel {
     return machine_.even.of(machine_.motions[k].values(machine_.log));
   }
 
-  [[nodiscard]] OneMassStart one_mass_start() const {
-    return start_one_mass({force(), motion(0), machine_.motions[0].is_velocity,
+  [[nodiscard]] OneMassStart start_of(const Eigen::VectorXd& force) const {
+    return start_one_mass({force, motion(0), machine_.motions[0].is_velocity,
                            !machine_.is_linear(), time_.sample_time});
   }
 
@@ -82,7 +83,7 @@ class MassModel {
   // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
   // same but for a velocity beside the position, which is a third witness: two that agree are
   // believed. A weight is none, since its direction is not known.
-  void doubt_sign(const OneMassStart& start) {
+  [[nodiscard]] std::string who_is_reversed() const {
     const MotionChoice& motion = machine_.motions.front();
     const std::string drive = fmt::format("for the drive --gain={:g}", -machine_.force_factor),
                       encoder = fmt::format(
@@ -101,12 +102,29 @@ class MassModel {
       who = fmt::format("'{}' (drive) is reversed, or both '{}' and '{}', which agree: say {}",
                         machine_.drive->name, motion.column->name, motion.other->name, drive);
     }
+    return who;
+  }
+
+  void doubt_sign(const OneMassStart& start) {
     proposal_.notes.push_back(fmt::format(
         "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
         "speeds up against its drive. Either a spring or a weight holds the axis, and the signs "
         "are "
         "right as they are; or {} (start values are those of the turned drive)",
-        start.inertia, inertia_unit(), 100.0 * start.spread, who));
+        start.inertia, inertia_unit(), 100.0 * start.spread, who_is_reversed()));
+  }
+
+  // A weight or a spring gives back one way what it took the other way; nothing gives both ways.
+  [[nodiscard]] bool is_braked_both_ways() const {
+    return takes_energy_both_ways(drive_work(force(), motion(0), machine_.motions[0].is_velocity));
+  }
+
+  void doubt_work() {
+    proposal_.notes.push_back(fmt::format(
+        "are the signs right? The drive acts against the motion both ways, which neither weight "
+        "nor spring can bear: either a hand or another machine moves the axis, or {} (start values "
+        "are those of the turned drive)",
+        who_is_reversed()));
   }
 
   // Where the motion goes one way, a drive against it tells no sign: a load does the same.
@@ -152,8 +170,14 @@ class MassModel {
     std::string why = machine_.request.no_drive ? "no force acts: all else is relative to it"
                                                 : "guessed: open until the questions are answered";
     if (can_compute()) {
-      start = one_mass_start();
-      if (!machine_.has_goal() && start.told != OneMassTold::kReversed) note_braking();
+      start = start_of(force());
+      const bool is_unexplained = !machine_.has_goal() && start.told != OneMassTold::kReversed;
+      if (is_unexplained && is_braked_both_ways()) {
+        doubt_work();
+        start = start_of(-force());
+      } else if (is_unexplained) {
+        note_braking();
+      }
       switch (start.told) {
         case OneMassTold::kInertia:
           why = "a start: least squares of the motion on the drive and friction";
@@ -172,7 +196,10 @@ class MassModel {
               why + (machine_.request.no_drive ? "; it is held" : "; it is fitted"));
     add_guess(proposal_, "damping", fmt::format("{:.3g} {}", start.damping, damping_unit),
               machine_.request.no_drive ? "guessed; it is fitted" : "the same");
-    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {:.4g}}}", start.inertia),
+    const std::string value = machine_.request.no_drive
+                                  ? fmt::format("{{value: {:.4g}, fixed: true}}", start.inertia)
+                                  : fmt::format("{:.4g}", start.inertia);
+    return fmt::format("{:<46} # {}; {}\n", fmt::format("masses: {{axis: {}}}", value),
                        inertia_unit(), why) +
            fmt::format(
                "elements:\n  - name: bearing\n    location: {{kind: element, mass: axis}}\n"
@@ -195,7 +222,7 @@ class MassModel {
       const auto found =
           start_one_encoder(force(), motor, machine_.motions[0].is_velocity, time_.sample_time);
       if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
-      const OneMassStart one = one_mass_start();
+      const OneMassStart one = start_of(force());
       if (one.told == OneMassTold::kInertia) total = one.inertia;
     }
     constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
@@ -123,9 +124,15 @@ class MotionSearch {
           machine_.log.files.front().string(), what, words_of_accelerations(machine_.columns)));
     }
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
-    question.option = fmt::format("--column '{}=position:{}', say", left.front()->name,
-                                  machine_.is_linear() ? "m" : "rad");
-    for (AnswerChoice& each : question.choices) each.columns = {each.label + "=position"};
+    question.option = fmt::format("--column '{}=position:{}', say, or --column '{}=velocity:{}'",
+                                  left.front()->name, machine_.is_linear() ? "m" : "rad",
+                                  left.front()->name, machine_.is_linear() ? "m/s" : "rad/s");
+    std::vector<AnswerChoice> choices;
+    for (const AnswerChoice& each : question.choices) {
+      choices.push_back({each.label + ", a position", {each.label + "=position"}});
+      choices.push_back({each.label + ", a velocity", {each.label + "=velocity"}});
+    }
+    question.choices = std::move(choices);
     ask_once(proposal_, question);
   }
 

@@ -15,11 +15,16 @@ void doubt_even_rows(const LogRecording& log, double sample_time, ModelProposal&
   const LogColumn* ticks = ticking_column(log);
   if (ticks == nullptr) return;
   const auto [fewest, most] = steps_between_rows(*ticks);
+  const std::string guessed = unit_of_step(0.5 * (fewest + most));
   const std::string option =
-      fmt::format("--column '{}=time:UNIT', with a factor as in 'time:0.125 ms'", ticks->name);
+      fmt::format("--column '{}=time:{}', with a factor as in 'time:0.125 ms'", ticks->name,
+                  guessed.empty() ? "UNIT" : guessed);
   if (!(sample_time > 0.0)) {
+    constexpr double kWritten = 1.0001;
     proposal.questions.back().text +=
-        fmt::format(" '{}' rises by {:g} to {:g} a row.", ticks->name, fewest, most);
+        most <= kWritten * fewest
+            ? fmt::format(" '{}' rises by {:g} a row.", ticks->name, fewest)
+            : fmt::format(" '{}' rises by {:g} to {:g} a row.", ticks->name, fewest, most);
     proposal.questions.back().option += ", or if that is the time " + option;
     return;
   }

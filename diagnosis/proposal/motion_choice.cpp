@@ -483,7 +483,11 @@ MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
                            const MotionContext& context) {
   MotionChoice choice;
   const ColumnChoice position = choose_measured(columns, LogQuantity::kPosition);
-  const ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
+  ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
+  // What is wanted of a speed says nothing of a position's unit.
+  const bool is_wanted = velocity.column != nullptr && velocity.column->words.is_reference &&
+                         !velocity.column->answered;
+  if (position.column != nullptr && is_wanted) velocity = {};
   if (!position.rivals.empty()) {
     choice.questions.push_back(which_of(position.rivals, "measured position"));
     choice.column = position.rivals.front();

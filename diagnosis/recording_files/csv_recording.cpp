@@ -16,6 +16,7 @@
 #include "diagnosis/recording_files/recorder_header.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
 #include "diagnosis/recording_files/time_stamp.hpp"
+#include "diagnosis/recording_files/title_words.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/shortened.hpp"
@@ -164,15 +165,22 @@ struct ColumnContent {
   std::string word;
 };
 
-// An empty field and an error of Excel are samples that are not there.
+// What programs write in place of a number: R, Python, Excel, and C on Windows.
+bool says_missing(std::string_view field) {
+  for (const std::string_view word :
+       {"NA", "N/A", "n/a", "null", "NULL", "None", "none", "-", "--", "---", "#VALUE!", "#DIV/0!",
+        "#N/A", "#NUM!", "#REF!", "#NAME?", "#NULL!"}) {
+    if (field == word) return true;
+  }
+  if (field.starts_with('-')) field.remove_prefix(1);
+  return field.starts_with("1.#");  // "1.#QNAN"
+}
+
+// A field that is empty or says so is a sample that is not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
                  std::string_view field, ColumnContent& content) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  if (field.empty()) return kNone;
-  for (const std::string_view error :
-       {"#VALUE!", "#DIV/0!", "#N/A", "#NUM!", "#REF!", "#NAME?", "#NULL!"}) {
-    if (field == error) return kNone;
-  }
+  if (field.empty() || says_missing(field)) return kNone;
   double number = kNone;
   StampColumn& stamps = content.stamps;
   if (parse_number(field, number) && (!stamps.has_any() || std::isnan(number))) {
@@ -286,16 +294,16 @@ class TableLines {
     std::string_view line;
     while (head_.size() < kMostLines && !ends_in_numbers_ && lines_.next(line)) {
       if (line.front() == '%') {
-        comment_before_ = std::exchange(comment_, std::string(line));
+        comment_before_ = std::exchange(comment_, in_utf8(line));
         continue;
       }
       FieldSplitter splitter(line);
       ends_in_numbers_ = is_line_of_numbers(splitter.split(line));
-      head_.push_back({std::string(line), lines_.number()});
+      head_.push_back({in_utf8(line), lines_.number()});
     }
     if (!comment_.empty()) return;
-    comment_ = lines_.comment();
-    comment_before_ = lines_.comment_before();
+    comment_ = in_utf8(lines_.comment());
+    comment_before_ = in_utf8(lines_.comment_before());
   }
 
   LineReader lines_;
@@ -324,10 +332,19 @@ std::size_t place_of_header(const TableLines& lines) {
     const bool has_comment = fields.size() == count + 1 && fields.back() == kComment;
     return (fields.size() == count || has_comment) && is_header(fields);
   };
+  // Names above their units may be more than the rows have fields.
+  const auto is_longer = [&](std::size_t place) {
+    FieldSplitter splitter(head[place].text);
+    const std::vector<std::string_view>& fields = splitter.split(head[place].text);
+    return fields.size() > count && is_header(fields);
+  };
   if (!fits(last) || count < 2) return 0;
   FieldSplitter splitter(head[last].text);
   if (names_numbered_channels(head[last - 1].text, head[last].text)) return last - 1;
-  if (!units_in(splitter.split(head[last].text)).empty()) return fits(last - 1) ? last - 1 : last;
+  if (!units_in(splitter.split(head[last].text)).empty()) {
+    const bool is_first = last == 1 && are_units_alone(head[last].text) && is_longer(0);
+    return fits(last - 1) || is_first ? last - 1 : last;
+  }
   return fits(last - 1) && are_units_alone(head[last - 1].text) ? last - 1 : last;
 }
 
@@ -390,7 +407,10 @@ bool read_header(TableLines& lines, std::string_view& line, FieldSplitter& split
     if (file.columns[k].unit.empty()) file.columns[k].unit = above[k];
   }
   if (!lines.next(line)) return false;
-  const std::vector<std::string> units = units_in(splitter.split(line));
+  std::vector<std::string> units = units_in(splitter.split(line));
+  if (!units.empty() && units.size() < file.columns.size() && are_units_alone(line)) {
+    units.resize(file.columns.size());
+  }
   if (units.size() != file.columns.size()) return true;
   if (names.empty() && are_more_titles(units)) {
     add_titles(units, file);
@@ -408,6 +428,15 @@ void name_the_rest(std::size_t fields, RecordingFile& file) {
   for (std::size_t k = file.columns.size(); k < fields; ++k) {
     file.columns.push_back({std::to_string(k + 1), {}, {}});
   }
+}
+
+// A table of R: its header does not name the first column, in which the rows have their numbers.
+void name_rows_of_r(std::string_view line, const std::vector<std::string_view>& fields,
+                    RecordingFile& file) {
+  double number = 0.0;
+  const bool is_quoted = line.starts_with('"') && parse_number(fields.front(), number);
+  if (fields.size() != file.columns.size() + 1 || !is_quoted) return;
+  file.columns.insert(file.columns.begin(), RecordedColumn{"row", {}, {}});
 }
 
 // Columns behind those that the header names: without any number they are a comma at the end of
@@ -453,6 +482,54 @@ void name_or_drop_unnamed(RecordingFile& file) {
   if (dropped.empty()) return;
   file.remarks.push_back(fmt::format(
       "{}: without a name and with hardly any number, so left out: column {}", file.path, dropped));
+}
+
+// "speed, rpm" in a header of commas: two fields that are one title and its unit. Whether that
+// makes as many columns as the rows have fields. The last field is a unit then: "u,rpm,extra" has
+// a title that is one by itself.
+bool joins_units(std::size_t fields, RecordingFile& file) {
+  if (!is_unit(file.columns.back().name)) return false;
+  std::vector<RecordedColumn> joined;
+  std::string units;
+  for (const RecordedColumn& column : file.columns) {
+    const bool is_of_last = !joined.empty() && joined.back().unit.empty() && is_unit(column.name) &&
+                            !is_unit(joined.back().name);
+    if (!is_of_last) {
+      joined.push_back(column);
+      continue;
+    }
+    joined.back().unit = column.name;
+    units += fmt::format("{}'{}' of '{}'", units.empty() ? "" : ", ", column.name,
+                         shortened(joined.back().name, kShownOfField));
+  }
+  if (joined.size() != fields) return false;
+  file.remarks.push_back(
+      fmt::format("{}: the header names {} columns, and the rows have {} fields: "
+                  "some are taken for units, {}",
+                  file.path, file.columns.size(), fields, units));
+  file.columns = std::move(joined);
+  return true;
+}
+
+// A header may name more columns than the rows have fields: the last names have no numbers. The
+// rows are held against each other as they are read.
+void leave_out_names_without_fields(std::size_t fields, RecordingFile& file) {
+  const std::size_t named = file.columns.size();
+  if (fields < 2 || fields >= named || file.columns.back().name == kComment) return;
+  if (joins_units(fields, file)) return;
+  std::string names;
+  for (std::size_t k = fields; k < named; ++k) {
+    const std::string& name = file.columns[k].name;
+    if (name.empty()) continue;  // a separator behind the last name
+    names += fmt::format("{}'{}'", names.empty() ? "" : ", ", shortened(name, kShownOfField));
+    file.left_out.push_back(name);
+  }
+  file.columns.resize(fields);
+  if (names.empty()) return;
+  file.remarks.push_back(fmt::format(
+      "{}: the header names {} columns, and the rows have {} fields: without numbers, and left "
+      "out: {}",
+      file.path, named, fields, names));
 }
 
 // Where blanks separate, a day and the time of day behind it are two fields; whether they are to be
@@ -558,6 +635,42 @@ void refuse_words(const std::string& path, std::size_t line,
       path, line, shortened(fields.front())));
 }
 
+// The rows behind the header, of which `line` is the first. The header may be among them again,
+// where a logger began anew in the same file.
+void read_rows(TableLines& lines, std::string_view line, FieldSplitter& splitter,
+               const std::string& header, bool joins_day, std::vector<ColumnContent>& contents,
+               RecordingFile& file) {
+  std::vector<std::string_view> joined;
+  std::vector<std::vector<double>> values(file.columns.size());
+  std::size_t headers = 0;
+  bool more = true;
+  for (; more; more = lines.next(line)) {
+    if (line == header) {
+      ++headers;
+      continue;
+    }
+    const std::vector<std::string_view>& split = splitter.split(line);
+    const std::vector<std::string_view>& fields =
+        joins_day && split.size() > 1 ? joined = with_day_joined(split) : split;
+    if (!are_all_fields(fields, file, contents)) {
+      throw InputError(fmt::format("{}: line {}: {} fields, but there are {} columns", file.path,
+                                   lines.number(), fields.size(), values.size()));
+    }
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      const std::string_view field = k < fields.size() ? fields[k] : std::string_view();
+      values[k].push_back(
+          sample_in(file.path, lines.number(), file.columns[k].name, field, contents[k]));
+    }
+  }
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    file.columns[k].values = Eigen::Map<const Eigen::VectorXd>(
+        values[k].data(), static_cast<Eigen::Index>(values[k].size()));
+  }
+  if (headers == 0) return;
+  file.remarks.push_back(fmt::format("{}: the header stands among the rows again, {} time{}",
+                                     file.path, headers, headers == 1 ? "" : "s"));
+}
+
 }  // namespace
 
 RecordingFile read_csv_recording(const std::string& path, PackedText text) {
@@ -580,31 +693,16 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
   for (std::size_t k = 0; k < header; ++k) take_stated_units(lines.head()[k].text, file);
   refuse_long_titles(file);
   if (more && header == 0) refuse_words(path, lines.number(), splitter.split(line));
+  if (more) leave_out_names_without_fields(splitter.split(line).size(), file);
+  if (more) name_rows_of_r(line, splitter.split(line), file);
   const std::size_t named = file.columns.size();
   const bool joins_day = more && has_day_apart(splitter.split(line), named, line);
   if (more && !joins_day) name_the_rest(splitter.split(line).size(), file);
-  std::vector<std::string_view> joined;
-  std::vector<std::vector<double>> values(file.columns.size());
   std::vector<ColumnContent> contents(file.columns.size());
-  for (; more; more = lines.next(line)) {
-    const std::vector<std::string_view>& split = splitter.split(line);
-    const std::vector<std::string_view>& fields =
-        joins_day && split.size() > 1 ? joined = with_day_joined(split) : split;
-    if (!are_all_fields(fields, file, contents)) {
-      throw InputError(fmt::format("{}: line {}: {} fields, but there are {} columns", path,
-                                   lines.number(), fields.size(), values.size()));
-    }
-    for (std::size_t k = 0; k < values.size(); ++k) {
-      const std::string_view field = k < fields.size() ? fields[k] : std::string_view();
-      values[k].push_back(
-          sample_in(path, lines.number(), file.columns[k].name, field, contents[k]));
-    }
-  }
-  if (values.front().empty()) throw InputError(path + ": there is a header and no numbers");
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    file.columns[k].values = Eigen::Map<const Eigen::VectorXd>(
-        values[k].data(), static_cast<Eigen::Index>(values[k].size()));
-  }
+  if (!more) throw InputError(path + ": there is a header and no numbers");
+  const NumberedLine& above = lines.head()[header];  // the first row, where there is no header
+  read_rows(lines, line, splitter, above.number < lines.number() ? above.text : "", joins_day,
+            contents, file);
   if (counted) take_counted_time(*counted, file);
   tell_the_rest(named, file);
   leave_out_words(contents, file);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 
 #include "diagnosis/recording_files/gzip_text.hpp"
 #include "diagnosis/recording_files/recording_formats.hpp"
@@ -33,18 +34,18 @@ std::string names_in(const RecordingFile& file) {
 }
 
 [[noreturn]] void fail_ending(const std::string& name, const std::string& ending) {
-  throw InputError(
-      fmt::format("{}: unknown ending '{}'; known: .csv, .txt, .dat, .lvm, .h5, .hdf5, .mat, .npy, "
-                  ".json, .jsonl, .ndjson, and .csv, .txt, .dat, .json, .jsonl, .ndjson with "
-                  ".gz",
-                  name, ending));
+  throw InputError(fmt::format(
+      "{}: unknown ending '{}'; known: .csv, .tsv, .txt, .dat, .log, .lvm, .h5, .hdf5, "
+      ".mat, .npy, .json, .jsonl, .ndjson, and .csv, .txt, .dat, .json, .jsonl, .ndjson with "
+      ".gz",
+      name, ending));
 }
 
 using TextReader = RecordingFile (*)(const std::string& path, formats::PackedText text);
 
 // Null for endings of other formats.
 TextReader text_reader(const std::string& ending) {
-  for (const char* table : {".csv", ".txt", ".dat", ".lvm"}) {
+  for (const char* table : {".csv", ".tsv", ".txt", ".dat", ".log", ".lvm"}) {
     if (ending == table) return &formats::read_csv_recording;
   }
   if (ending == ".json") return &formats::read_json_recording;
@@ -52,15 +53,23 @@ TextReader text_reader(const std::string& ending) {
   return nullptr;
 }
 
+// In small letters, as ".CSV" is ".csv".
+std::string ending_of(const std::filesystem::path& path) {
+  std::string ending = path.extension().string();
+  std::ranges::transform(ending, ending.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
 RecordingFile read_packed(const std::filesystem::path& path, const std::string& name) {
-  const std::string inner = path.stem().extension().string();
+  const std::string inner = ending_of(path.stem());
   const TextReader read = text_reader(inner);
   if (read == nullptr) fail_ending(name, inner + ".gz");
   return read(name, unpacked_gzip(name));
 }
 
 RecordingFile read_by_ending(const std::filesystem::path& path, const std::string& name) {
-  const std::string ending = path.extension().string();
+  const std::string ending = ending_of(path);
   if (ending == ".gz") return read_packed(path, name);
   if (ending == ".h5" || ending == ".hdf5") {
     return formats::read_isolated(formats::kReadHdf5Recording, name);

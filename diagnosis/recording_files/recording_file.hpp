@@ -1,18 +1,21 @@
 // The columns of one data file, whatever its format:
 //
-//   .csv .txt .dat .lvm  a header with the columns' names, then numbers; separated by commas,
-//               semicolons, tabs or blanks. Without a header the columns are called 1, 2, ...; the
+//   .csv .tsv .txt .dat .log .lvm
+//               a header with the columns' names, then numbers; separated by commas, semicolons,
+//               tabs or blanks. Without a header the columns are called 1, 2, ...; the
 //               last line with # or % before the numbers is one if it has as many names. A name may
 //               carry its unit: "speed [rpm]", or a second line has the units. Headers of
 //               oscilloscopes are read, too (recorder_header.hpp). Empty fields and Excel's errors
 //               (#VALUE!) are NaN. Columns without a name are called by their number; those with
-//               hardly a number are left out.
+//               hardly a number are left out, and so are the last names of a header with more
+//               names than all rows have fields.
 //   .h5 .hdf5   every numeric dataset by its path "group/name"; attributes unit and sample_time
 //   .mat        versions 5, 7 and 7.3: every real numeric matrix; fields of a structure as
 //               "rec.speed"
 //   .npy        one array, float32 or float64: columns 1, 2, ...
 //   .json       arrays of numbers, or of equal rows of numbers, by their key "group.key"; null is
-//               NaN; or an array of records {"key": number, ...} (record_columns.hpp)
+//               NaN; or an array of records {"key": number, ...} (record_columns.hpp), alone or
+//               beside settings; or a table as pandas writes it
 //   .jsonl .ndjson  a record a line
 //   .csv.gz ... any of the texts above, packed with gzip
 //

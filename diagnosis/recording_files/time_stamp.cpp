@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include "problems/files/text_lines.hpp"
 
@@ -71,10 +72,13 @@ bool read_day(StampText& text, std::int64_t& day) {
   int first = 0, month = 0, last = 0;
   const bool begins_with_year = text.digits() == 4;
   if (!text.number(begins_with_year ? 4 : 1, begins_with_year ? 4 : 2, first)) return false;
-  const std::string_view sign = begins_with_year ? (text.skip("-") ? "-" : "/") : ".";
-  if (sign != "-" && !text.skip(sign)) return false;
+  const std::string_view sign = text.skip("-") ? "-" : text.skip("/") ? "/" : ".";
+  const bool has_point = sign == ".";
+  if (has_point && (begins_with_year || !text.skip(sign))) return false;
   if (!text.number(1, 2, month) || !text.skip(sign)) return false;
   if (!text.number(begins_with_year ? 1 : 4, begins_with_year ? 2 : 4, last)) return false;
+  // "3/14/2024" has the month first; "3/4/2024" too, as most that write it so mean it.
+  if (sign == "/" && !begins_with_year && first <= 12) std::swap(first, month);
   const std::chrono::year_month_day date{
       std::chrono::year(begins_with_year ? first : last),
       std::chrono::month(static_cast<unsigned>(month)),
@@ -106,7 +110,15 @@ bool read_zone(StampText& text, double& offset) {
 bool read_time_of_day(StampText& text, TimeStamp& stamp) {
   int hours = 0, minutes = 0, seconds = 0;
   if (!text.number(1, 2, hours) || !text.skip(":")) return false;
-  if (!text.number(2, 2, minutes) || !text.skip(":")) return false;
+  if (!text.number(2, 2, minutes)) return false;
+  if (!text.skip(":")) {  // "00:01.5", as Excel shows times: minutes and seconds
+    double fraction = 0.0;
+    if (stamp.kind != TimeStamp::Kind::kTimeOfDay || !text.skip(".")) return false;
+    stamp.seconds = 60.0 * hours + minutes;
+    if (minutes > 59 || !text.fraction(fraction, stamp.digits)) return false;
+    stamp.seconds += fraction;
+    return text.at_end();
+  }
   if (!text.number(2, 2, seconds)) return false;
   if (hours > 23 || minutes > 59 || seconds > 60) return false;
   double fraction = 0.0;
@@ -130,7 +142,7 @@ void take_zone(double offset, TimeStamp& stamp) {
 }  // namespace
 
 std::optional<TimeStamp> parse_time_stamp(std::string_view field) {
-  constexpr std::size_t kShortest = 7, kLongest = 48;
+  constexpr std::size_t kShortest = 6, kLongest = 48;
   field = trimmed(field);
   if (field.size() < kShortest || field.size() > kLongest || !is_stamp_digit(field.front())) {
     return {};

@@ -1,8 +1,10 @@
 // Time stamps as loggers write them, and the seconds of a column of them.
 //
 //   2024-05-01 12:00:00.010     ISO 8601, also with T, and with Z or +02:00 behind it
-//   2024/05/01 12:00:00.010     and 01.05.2024 12:00:00,010, as in Germany
-//   12:00:00.010                a time of day, also 12:00:00:010 and 12:00:00 PM
+//   2024/05/01 12:00:00.010     and 01.05.2024 12:00:00,010, as in Germany; 5/1/2024 begins with
+//                               the month, unless that is above 12
+//   12:00:00.010                a time of day, also 12:00:00:010 and 12:00:00 PM; 00:01.5 has
+//                               minutes and seconds, as Excel shows it
 //   2024-05-01                  a day, beside a column with the time of day
 //
 // Seconds are counted from the midnight (UTC where a zone is stated) before the first stamp: small

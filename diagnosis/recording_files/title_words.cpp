@@ -16,6 +16,15 @@ constexpr auto kSigns = std::to_array<std::pair<std::string_view, std::string_vi
     {"\xCB\x9A", " deg "},  // a ring
     {"\xC2\xB5", "u"},      // micro sign
     {"\xCE\xBC", "u"},      // mu
+    {"\xCF\x89", "omega"},
+    {"\xCE\xB8", "theta"},
+    {"\xCF\x91", "theta"},
+    {"\xCF\x86", "phi"},
+    {"\xCF\x95", "phi"},
+    {"\xCF\x88", "psi"},
+    {"\xCF\x84", "tau"},
+    {"\xE1\xBA\x8B", "x dot"},
+    {"\xCC\x87", " dot"},   // a dot above the letter before it
     {"\xC2\xB2", "2"},      // squared
     {"\xC2\xB9", "1"},      // superscript one
     {"\xE2\x81\xBB", "-"},  // superscript minus
@@ -44,7 +53,42 @@ constexpr auto kSigns = std::to_array<std::pair<std::string_view, std::string_vi
     {"\xB0", " deg "},  // degree sign, Latin 1
 });
 
+// The bytes that begin a text and are one letter in UTF-8; 0 where they are none.
+std::size_t letter_of_utf8(std::string_view text) {
+  const auto first = static_cast<unsigned char>(text.front());
+  const std::size_t bytes = first < 0x80           ? 1
+                            : first >> 5U == 0x6U  ? 2
+                            : first >> 4U == 0xEU  ? 3
+                            : first >> 3U == 0x1EU ? 4
+                                                   : 0;
+  if (bytes == 0 || bytes > text.size()) return 0;
+  for (std::size_t k = 1; k < bytes; ++k) {
+    if (static_cast<unsigned char>(text[k]) >> 6U != 0x2U) return 0;
+  }
+  return bytes;
+}
+
+bool is_utf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t bytes = letter_of_utf8(text);
+    if (bytes == 0) return false;
+    text.remove_prefix(bytes);
+  }
+  return true;
+}
+
 }  // namespace
+
+std::string in_utf8(std::string_view text) {
+  if (is_utf8(text)) return std::string(text);
+  std::string result;
+  for (const char c : text) {
+    const auto letter = static_cast<unsigned char>(c);
+    if (letter >= 0x80) result += static_cast<char>(0xC0U | letter >> 6U);
+    result += static_cast<char>(letter < 0x80 ? letter : 0x80U | (letter & 0x3FU));
+  }
+  return result;
+}
 
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
   std::string result;

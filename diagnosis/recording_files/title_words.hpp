@@ -13,6 +13,9 @@
 
 namespace graybox {
 
+// The text, or what it is as Latin 1 where it is no UTF-8: "Winkel [\xB0]" of German Windows.
+[[nodiscard]] std::string in_utf8(std::string_view text);
+
 void replace_all(std::string& text, std::string_view from, std::string_view to);
 
 // Signs of units as letters, and letters without accents.

@@ -57,7 +57,8 @@ void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnos
   std::string advice;
   for (const FoundEffect& effect : diagnosis.effects) {
     for (const Rival& rival : effect.rivals) {
-      const std::string more = advice_for(hypotheses[rival.law.hypothesis]);
+      const std::string more =
+          advice_for(hypotheses[effect.law.hypothesis], hypotheses[rival.law.hypothesis]);
       if (more.empty() || advice.find(more) != std::string::npos) continue;
       advice += (advice.empty() ? "" : " ") + more;
     }

@@ -10,6 +10,7 @@
 
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/plausibility/plausibility.hpp"
+#include "diagnosis/search/candidate_ranking.hpp"
 #include "diagnosis/search/law_pruning.hpp"
 
 namespace graybox {
@@ -172,22 +173,85 @@ bool was_in_the_way(const RejectedLaw& law) {
   return !law.held_out || law.held_out->misleads || law.held_out->gain >= kLeastGain;
 }
 
+// With a special case of the law in its place, the best by its score test, whether or not it was
+// rejected beside the law; not usable where there is none.
+ExtendedFit fit_with_special_case(SearchState& state, std::size_t law, const ExtendedFit& without) {
+  const Hypothesis& richer = state.hypothesis(state.result.after.laws[law].hypothesis);
+  std::vector<std::size_t> asked;
+  for (std::size_t plain = 0; plain < state.problem->hypotheses().size(); ++plain) {
+    const Hypothesis& candidate = state.hypothesis(plain);
+    const bool is_there = std::ranges::count(without.laws, plain, &FittedLaw::hypothesis) > 0;
+    if (!is_there && is_special_case(candidate, richer) && !is_excluded(state, candidate)) {
+      asked.push_back(plain);
+    }
+  }
+  ExtendedFit best;
+  best.usable = false;
+  if (asked.empty()) return best;
+  ScoreTable table = state.problem->scores(without, asked, 0, state.options.seed);
+  std::erase_if(table.scores, [](const HypothesisScore& score) {
+    return score.start.parameters.empty();
+  });
+  if (table.scores.empty()) return best;
+  const auto plainest = std::ranges::max_element(
+      table.scores, {}, [](const HypothesisScore& score) { return score.score.statistic; });
+  std::vector<LawStart> laws = starts_of(without);
+  laws.push_back(plainest->start);
+  return state.refits.refit(laws, without);
+}
+
+struct LeftOut {
+  RejectedLaw rejected;
+  ExtendedFit left;  // the fit without it
+};
+
+// A law that gains next to nothing over a special case of itself.
+std::optional<LeftOut> special_case_that_does(SearchState& state, std::size_t law,
+                                              const ExtendedFit& without) {
+  if (state.problem->noise_is_known()) return {};
+  const FittedLaw& richer = state.result.after.laws[law];
+  ExtendedFit plainer = fit_with_special_case(state, law, without);
+  if (!plainer.usable || plainer.laws.size() != without.laws.size() + 1 ||
+      plainer.parameter_count > state.result.after.parameter_count) {
+    return {};
+  }
+  const auto effect = held_out_effect(state, richer.hypothesis, plainer, state.result.after);
+  if (!effect || effect->gain >= kLeastGain) return {};
+  const std::string& name = state.hypothesis(plainer.laws.back().hypothesis).law;
+  RejectedLaw rejected{
+      richer,
+      fmt::format("with {} in its place the squared error of recordings kept out is less than "
+                  "{:.0f} % larger",
+                  name, 100.0 * kLeastGain),
+      effect};
+  return LeftOut{std::move(rejected), std::move(plainer)};
+}
+
 bool reject_worst(SearchState& state) {
-  std::optional<RejectedLaw> worst;
-  ExtendedFit left;
+  std::optional<LeftOut> worst;
   for (std::size_t law = 0; law < state.result.after.laws.size(); ++law) {
     const std::size_t hypothesis = state.result.after.laws[law].hypothesis;
     if (!state.proceed("asking recordings kept out about " + state.name_of(hypothesis))) break;
     const ExtendedFit without = fit_without(state, state.result.after, law);
     if (!without.usable) continue;
-    std::optional<RejectedLaw> rejected = rejection_of(state, law, without);
-    if (!rejected || (worst && gain_of(*worst) <= gain_of(*rejected))) continue;
-    worst = std::move(rejected);
-    left = without;
+    std::optional<LeftOut> left_out;
+    if (std::optional<RejectedLaw> rejected = rejection_of(state, law, without)) {
+      left_out = LeftOut{*std::move(rejected), without};
+    } else {
+      left_out = special_case_that_does(state, law, without);
+    }
+    if (!left_out || (worst && gain_of(worst->rejected) <= gain_of(left_out->rejected))) continue;
+    worst = std::move(left_out);
   }
   if (!worst) return false;
-  state.result.rejected.push_back(*std::move(worst));
-  state.result.after = std::move(left);
+  state.result.after = std::move(worst->left);
+  // What was rejected beside a richer law may stand in its place.
+  std::erase_if(state.result.rejected, [&](const RejectedLaw& rejected) {
+    return !state.hypothesis(rejected.law.hypothesis).repeatable &&
+           std::ranges::count(state.result.after.laws, rejected.law.hypothesis,
+                              &FittedLaw::hypothesis) > 0;
+  });
+  state.result.rejected.push_back(std::move(worst->rejected));
   return true;
 }
 

@@ -18,7 +18,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of its stiffness, or first parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 32> kPredicates{{
+constexpr std::array<Predicate, 33> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
@@ -50,6 +50,8 @@ constexpr std::array<Predicate, 32> kPredicates{{
     {"lag", true, "follows late (first-order lag)"},
     {"delay", true, "is delayed"},
     {"gain", true, "gives more than it should", "gives less than it should"},
+    {"curved_gain", true, "gives the more for each unit, the more is asked of it",
+     "gives the less for each unit, the more is asked of it"},
     {"offset", true, "is off by a constant"},
     {"rectifier", true, "reads no sign"},
     {"resonance", true, "reads what swings where it is measured, too (a flexible mode)"},
@@ -209,7 +211,10 @@ bool is_unseen_static_level(const FittedLaw& law, const LawParameterEstimate& es
          error > std::abs(estimate.value - sliding->value);
 }
 
-std::string advice_for(const Hypothesis& rival) {
+std::string advice_for(const Hypothesis& found, const Hypothesis& rival) {
+  if (found.law == "curved_gain" || rival.law == "curved_gain") {
+    return "Switch the drive off while it moves: drag brakes what coasts, and a drive does not.";
+  }
   if (rival.law == "stribeck" || rival.law == "dahl" || rival.law == "lugre") {
     return "Record slow motion, from rest and through it: there they differ.";
   }

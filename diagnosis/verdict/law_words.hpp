@@ -24,6 +24,6 @@ namespace graybox {
                                           const LawParameterEstimate& estimate);
 
 // What to record where this law may stand in the place of the one found; empty: nothing special.
-[[nodiscard]] std::string advice_for(const Hypothesis& rival);
+[[nodiscard]] std::string advice_for(const Hypothesis& found, const Hypothesis& rival);
 
 }  // namespace graybox

@@ -104,6 +104,10 @@ std::string headline(const Diagnosis& diagnosis) {
   if (!diagnosis.detection.detected && fails(diagnosis, kKeptOutTest)) {
     return "Nothing was seen to be missing, but no recordings were kept out to test that.";
   }
+  if (!diagnosis.detection.detected && diagnosis.effects.empty() &&
+      diagnosis.late_channels.empty()) {
+    return "Nothing was seen to be missing, but not every test of that was passed.";
+  }
   if (diagnosis.effects.empty() && diagnosis.late_channels.empty() && diagnosis.verified) {
     return "The model as it is predicts about as well as it fits; it leaves a little that no law "
            "of "
@@ -176,7 +180,9 @@ std::string better_rivals_words(const FoundEffect& effect, std::span<const Hypot
     if (!is_better(rival)) continue;
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", sum_words(rival, hypotheses),
                          evidence_words(rival, false));
-    if (advice.empty()) advice = advice_for(hypotheses[rival.law.hypothesis]);
+    if (advice.empty()) {
+      advice = advice_for(hypotheses[effect.law.hypothesis], hypotheses[rival.law.hypothesis]);
+    }
   }
   if (names.empty()) return "";
   return fmt::format("More likely than {}: {}.{}{}",
@@ -556,6 +562,11 @@ bool exceeds_what_acted(const FittedLaw& law, const Diagnosis& diagnosis) {
   });
 }
 
+// Where the noise is not known, recordings kept out must be predicted better with it.
+bool gains_nothing_kept_out(const FoundEffect& effect, const Diagnosis& diagnosis) {
+  return !diagnosis.noise_is_known && effect.held_out && !(effect.held_out->gain > 0.0);
+}
+
 void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   std::size_t blind = 0;
   for (const DetectableEffect& effect : diagnosis.detectable) {
@@ -572,7 +583,8 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 
 bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
   return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) ||
-         has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis);
+         has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis) ||
+         gains_nothing_kept_out(effect, diagnosis);
 }
 
 namespace {

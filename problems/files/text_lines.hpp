@@ -39,9 +39,9 @@ class LineReader {
 
 // Cuts the lines of one table into fields. The first of semicolon, comma and tab that occurs in the
 // table's first line separates them; where none occurs, runs of blanks and tabs do. Signs that end
-// a line and separate nothing ("1,2,3;") don't count. Quotes around a field are taken off.
+// a line and separate nothing ("1,2,3;"), or stand in quotes, don't count. Quotes are taken off.
 //
-// Where semicolons or tabs separate, numbers may have decimal commas: "1,25" is 1.25, and "2,5e-3"
+// With semicolons, tabs or quotes, numbers may have decimal commas: "1,25" is 1.25, and "2,5e-3"
 // is 0.0025. Not where other numbers of the table have points, for a comma then may stand between
 // thousands; such a field is left as it is, and is no number.
 class FieldSplitter {

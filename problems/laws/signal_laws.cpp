@@ -64,6 +64,17 @@ struct Rectifier {
   }
 };
 
+// The gain grows or falls in proportion to the size of s: at the reference it is 1 + curvature. p:
+// curvature, reference.
+struct CurvedGain {
+  static constexpr int kParameters = 2, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& signal, const T&, const T*) {
+    const T size = signal < 0.0 ? T(-signal) : signal;
+    return p[0] * size / p[1] * signal;
+  }
+};
+
 // Beside s a part of what swings with it: p s'' of x'' + 2 z w x' + w^2 x = s, that is p x''. p:
 // participation, frequency, damping ratio.
 struct Resonance {
@@ -143,6 +154,15 @@ std::vector<LawEntry> supplementary_signal_laws() {
            LawUse::kSignal,
            {{"share", "1", ParameterRange::kAny}},
            make_law<Rectifier>},
+          {"curved_gain",
+           "s becomes (1 + curvature |s|/reference) s",
+           LawUse::kSignal,
+           {{"curvature", "1", ParameterRange::kAny},
+            {.name = "reference",
+             .unit = "F",
+             .range = ParameterRange::kPositive,
+             .sets_scale = true}},
+           make_law<CurvedGain>},
           {"resonance",
            "s becomes s + participation x'', x'' + 2 z w x' + w^2 x = s: what swings where it is "
            "measured",

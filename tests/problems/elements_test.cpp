@@ -83,6 +83,7 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_DOUBLE_EQ(static_force("rectifier", {1.0}, -3.0, 0.0, true), 6.0);
   EXPECT_DOUBLE_EQ(static_force("rectifier", {1.0}, 3.0, 0.0, true), 0.0);
   EXPECT_DOUBLE_EQ(static_force("saturation", {5.0, 0.0}, -8.0, 0.0, true), 3.0);
+  EXPECT_DOUBLE_EQ(static_force("curved_gain", {-0.25, 8.0}, -4.0, 0.0, true), 0.5);
   EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
 }
 

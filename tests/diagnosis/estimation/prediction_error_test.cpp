@@ -650,9 +650,8 @@ TEST(PredictionHypotheses, AskForNoSpringAtAShaftThatTurnsOnAndOn) {
   EXPECT_EQ(springs_after(0.5), 1);
 }
 
-// Dry friction acts on such a motor as a constant force does, but where it rests; every machine
-// has friction.
-// N m of dry friction. Over short windows the weight leaves no more than noise.
+// A pendulum of 20 N m with 0.6 N m of dry friction. Over short windows the weight leaves no more
+// than noise.
 TEST(PredictionDiagnosis, TellsDryFrictionBesideAWeight) {
   const testing::TemporaryFolder folder;
   testing::write_text(folder.file("arm.yaml"),

@@ -34,6 +34,7 @@
 #include "problems/base/random.hpp"
 #include "problems/laws/law_catalogue.hpp"
 #include "tests/support/carriage_files.hpp"
+#include "tests/support/recorded_carriage.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -43,76 +44,9 @@ namespace fs = std::filesystem;
 
 using testing::replaced;
 
-// A carriage moved along a sum of sines; the force is that of its mass, a law and noise.
-class ForceBalance : public ::testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) /
-              ::testing::UnitTest::GetInstance()->current_test_info()->name();
-    fs::create_directories(folder_);
-    std::ofstream(folder_ / "drive.yaml") << testing::kCarriageModel;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
+class ForceBalance : public testing::RecordedCarriage {};
 
-  // `memory`: correlation of the noise from sample to sample. `late`: s, by which the motion is
-  // recorded behind the force.
-  template <typename Force>
-  void record(Force force, double noise, std::uint64_t seed, double memory = 0.0,
-              double late = 0.0) {
-    memory_ = memory;
-    late_ = late;
-    Random random(seed);
-    write("run_1.csv", force, noise, 0.0, random);
-    write("run_2.csv", force, noise, 1.3, random);
-    std::ofstream(folder_ / "campaign.yaml")
-        << testing::kCarriageCampaign << R"(  - {file: run_1.csv}
-  - {file: run_2.csv, role: validation}
-)";
-  }
-
-  [[nodiscard]] std::unique_ptr<MismatchProblem> problem() const {
-    return force_balance_problem(folder_ / "drive.yaml", read_campaign(folder_));
-  }
-
-  fs::path folder_;
-  double limit_ = std::numeric_limits<double>::infinity();  // of the recorded force
-
- private:
-  double memory_ = 0.0, late_ = 0.0;
-
-  // Position, velocity and acceleration.
-  static std::array<double, 3> motion_at(double t, double phase) {
-    std::array<double, 3> motion{};
-    for (const auto& [amplitude, w] :
-         {std::pair{0.3, 1.1}, std::pair{0.1, 2.9}, std::pair{0.03, 6.1}}) {
-      motion[0] += amplitude * std::sin(w * t + phase);
-      motion[1] += amplitude * w * std::cos(w * t + phase);
-      motion[2] -= amplitude * w * w * std::sin(w * t + phase);
-    }
-    return motion;
-  }
-
-  template <typename Force>
-  void write(const std::string& name, Force force, double noise, double phase, Random& random) {
-    std::ofstream file(folder_ / name);
-    file.precision(12);
-    file << "force,x,v,a\n";
-    double disturbance = random.normal();
-    for (int k = 0; k < 1500; ++k) {
-      disturbance = memory_ * disturbance + std::sqrt(1.0 - memory_ * memory_) * random.normal();
-      const double t = 0.01 * k;
-      const auto [x, v, a] = motion_at(t, phase);
-      const auto [then_x, then_v, then_a] = motion_at(t - late_, phase);
-      const double acts = 12.0 * a + force(x, v) + noise * disturbance;
-      file << std::clamp(acts, -limit_, limit_) << ',' << then_x << ',' << then_v << ',' << then_a
-           << '\n';
-    }
-  }
-};
-
-const Hypothesis& named(const MismatchProblem& problem, const FoundEffect& effect) {
-  return problem.hypotheses()[effect.law.hypothesis];
-}
+using testing::named;
 
 // Magnets of a linear motor: some twenty and forty waves of the recorded range.
 TEST_F(ForceBalance, FindsTheCoggingOfALongStroke) {
@@ -167,70 +101,6 @@ TEST_F(ForceBalance, FindsFrictionInNoiseThatFollowsItself) {
   EXPECT_EQ(named(*data, diagnosis.effects[0]).law, "coulomb");
   const LawParameterEstimate& level = diagnosis.effects[0].law.parameters.front();
   EXPECT_NEAR(level.value, 8.0, 4.0 * level.standard_error);
-}
-
-bool fails(const Diagnosis& diagnosis, const std::string& test) {
-  return std::ranges::any_of(diagnosis.reasons, [&](const VerdictReason& reason) {
-    return has_failed(reason) && reason.test.find(test) != std::string::npos;
-  });
-}
-
-TEST_F(ForceBalance, SaysWhatALawGainsOnRecordingsKeptOutAndWhereItWasChecked) {
-  record([](double, double v) { return 8.0 * std::tanh(v / 0.01); }, 1.0, 3);
-  const auto data = problem();
-  const Diagnosis diagnosis = diagnose(*data);
-  ASSERT_EQ(diagnosis.effects.size(), 1U);
-  const std::optional<HeldOutEffect>& held_out = diagnosis.effects[0].held_out;
-  ASSERT_TRUE(held_out);
-  EXPECT_NEAR(held_out->error_without, diagnosis.validation_before->nrmse, 1e-9);
-  EXPECT_NEAR(held_out->error_with, diagnosis.validation_after->nrmse, 1e-9);
-  EXPECT_GT(held_out->gain, 0.8);
-  EXPECT_TRUE(diagnosis.rejected.empty());
-  EXPECT_EQ(excluding(diagnosis.implausible), 0U);
-  EXPECT_TRUE(diagnosis.checked.kept_out);
-  EXPECT_EQ(diagnosis.checked.files, std::vector<std::string>{"run_2.csv"});
-  const auto velocity = std::ranges::find(diagnosis.checked.spans, "velocity of carriage",
-                                          &CheckedRange::Span::quantity);
-  ASSERT_NE(velocity, diagnosis.checked.spans.end());
-  // No more than all sines together, and most of that.
-  EXPECT_LT(velocity->to, 0.3 * 1.1 + 0.1 * 2.9 + 0.03 * 6.1 + 1e-9);
-  EXPECT_GT(velocity->to, 0.4);
-  EXPECT_LT(velocity->from, -0.4);
-}
-
-// A spring that was there while the fit's recording was made, and no longer.
-TEST_F(ForceBalance, RejectsALawThatRaisesTheErrorOfRecordingsKeptOut) {
-  int samples = 0;
-  record([&samples](double x, double) { return ++samples <= 1500 ? 300.0 * x * x * x : 0.0; }, 0.5,
-         4);
-  const Diagnosis diagnosis = diagnose(*problem());
-  EXPECT_TRUE(diagnosis.effects.empty());
-  ASSERT_FALSE(diagnosis.rejected.empty());
-  ASSERT_TRUE(diagnosis.rejected[0].held_out);
-  EXPECT_LT(diagnosis.rejected[0].held_out->gain, 0.0);
-  EXPECT_GT(diagnosis.rejected[0].held_out->error_with,
-            diagnosis.rejected[0].held_out->error_without);
-  EXPECT_EQ(diagnosis.verdict, Verdict::kUnknown);
-  EXPECT_TRUE(fails(diagnosis, "laws found"));
-}
-
-// newcomer.md, section 5, 5: damping of -0.003, "explained".
-TEST_F(ForceBalance, NeverExplainsAnythingByNegativeDamping) {
-  record([](double, double v) { return -4.0 * v; }, 0.2, 5);
-  SearchOptions options;
-  options.ignore_channel_faults = true;
-  const Diagnosis diagnosis = diagnose(*problem(), options);
-  EXPECT_NE(diagnosis.verdict, Verdict::kExplained);
-  const auto is_named = std::ranges::any_of(diagnosis.rejected, [](const RejectedLaw& law) {
-    return law.reason.starts_with("friction would be negative");
-  });
-  EXPECT_TRUE(is_named);
-  for (const FoundEffect& effect : diagnosis.effects) {
-    for (const LawParameterEstimate& each : effect.law.parameters) {
-      const bool is_damping = each.name.find("damping") != std::string::npos;
-      EXPECT_FALSE(is_damping && each.value < -3.0 * each.standard_error) << each.name;
-    }
-  }
 }
 
 // A low-pass gives any noise a past. The verdict calls that no past, and that of noise which has a

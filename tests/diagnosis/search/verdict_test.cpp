@@ -466,6 +466,27 @@ TEST(VerdictFile, ListsWhatWasTriedAndRejected) {
   EXPECT_NE(all.find("from 12.5 % to 1.6 %"), std::string::npos) << all;
 }
 
+// Where the noise is not known, what recordings kept out do not ask for is not found.
+TEST(VerdictWords, ConfirmWhatRecordingsKeptOutAskFor) {
+  Diagnosis diagnosis = explained();
+  diagnosis.effects[0].held_out = HeldOutEffect{36.9, 38.7, -0.1};
+  for (const bool is_known : {true, false}) {
+    diagnosis.noise_is_known = is_known;
+    const std::string all = all_words(diagnosis);
+    EXPECT_EQ(all.find("Not confirmed: ") != std::string::npos, !is_known) << all;
+  }
+  diagnosis.effects[0].held_out = HeldOutEffect{36.9, 30.0, 0.3};
+  EXPECT_EQ(all_words(diagnosis).find("Not confirmed: "), std::string::npos);
+}
+
+TEST(VerdictWords, DoNotCallPhysicsMissingWhereNothingWasSeen) {
+  Diagnosis diagnosis;
+  diagnosis.detection.detected = false;
+  diagnosis.verdict = Verdict::kUnknown;
+  EXPECT_EQ(headline(diagnosis),
+            "Nothing was seen to be missing, but not every test of that was passed.");
+}
+
 // A delay of the only actuator or of the only sensor: one system, two places.
 TEST(VerdictWords, NameAllPlacesThatMakeOneSystem) {
   Diagnosis diagnosis = explained();
