@@ -112,7 +112,6 @@ InformationSet nearly_singular_set() {
   return make_set(2, values);
 }
 
-// Finding S1: quadruple precision takes over where 64 bits leave the verdict open.
 // Factors of `rank` rows, one after the other.
 InformationSet factor_set(std::size_t d, std::size_t rank, const std::vector<double>& values) {
   AlignedArray factors(values.size());
@@ -182,6 +181,7 @@ TEST(Certificate, AmongTiesDoublePrecisionRulesNothingOut) {
   expect_sieve_holds(make_set(2, matrices), false);
 }
 
+// Finding S1: quadruple precision takes over where 64 bits leave the verdict open.
 TEST(Certificate, TheRoundingBoundIsSmallEvenWhereTheMatrixIsNearlySingular) {
   const Certificate proof = certify(nearly_singular_set(), {{0.5, 0, 0, 0, 0.5}});
   ASSERT_EQ(proof.status, CertificateStatus::kCertified);
