@@ -140,8 +140,13 @@ CommonCurves common_curves(const std::vector<PointSummary>& points, const std::s
   return common;
 }
 
+bool took_part(const std::vector<PointSummary>& points, const std::string& solver) {
+  return std::ranges::find(points, solver, &PointSummary::solver) != points.end();
+}
+
 void add_ratio(std::vector<Headline>& lines, const std::vector<PointSummary>& points,
                const std::string& slow, const std::string& fast, const std::string& note) {
+  if (!took_part(points, slow) || !took_part(points, fast)) return;
   const CommonCurves common = common_curves(points, slow, fast);
   const std::string name = slow + " / " + fast;
   if (common.sizes.empty()) {
@@ -167,6 +172,7 @@ void add_ratio(std::vector<Headline>& lines, const std::vector<PointSummary>& po
 
 void add_crossover(std::vector<Headline>& lines, const std::vector<PointSummary>& points,
                    const std::string& primal, const std::string& dual) {
+  if (!took_part(points, primal) || !took_part(points, dual)) return;
   const CommonCurves common = common_curves(points, primal, dual);
   const std::string name = fmt::format("crossover {} / {}", primal, dual);
   if (common.sizes.size() < 2) {

@@ -89,7 +89,7 @@ struct Headline {
   std::string value;  // a number, or words where there is none
   std::string note;
 };
-// None without points of the scaling experiment.
+// None without points of the scaling experiment, nor about a solver that took no part.
 [[nodiscard]] std::vector<Headline> headlines(const std::vector<PointSummary>& points);
 
 // One time for each solver and instance: to this checked gap, infinity if not reached. The passes

@@ -15,7 +15,7 @@ namespace graybox {
 namespace {
 
 constexpr double kPlotWidth = 560, kPlotHeight = 380;
-constexpr double kPlotLeft = 66, kPlotRight = 16, kPlotTop = 34, kPlotBottom = 46;
+constexpr double kPlotLeft = 80, kPlotRight = 16, kPlotTop = 34, kPlotBottom = 46;
 constexpr std::size_t kMostMarks = 10;  // on a curve of steps
 
 // Colours, marks and dashes go round with 7, 9 and 4: 252 styles until one comes again.

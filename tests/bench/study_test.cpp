@@ -877,6 +877,19 @@ TEST(Tables, ExponentsRatioAndCrossoverOfSyntheticRows) {
   EXPECT_EQ(values.at("crossover primal_interior_point / dual_interior_point"), "100");
 }
 
+TEST(Tables, NoHeadlineIsAboutASolverThatTookNoPart) {
+  auto points = summarise_points(rows_of_laws());
+  std::erase_if(points, [](const PointSummary& point) {
+    return point.solver == "dual_interior_point_sparse";
+  });
+  const std::vector<Headline> lines = headlines(points);
+  EXPECT_FALSE(lines.empty());
+  for (const Headline& line : lines) {
+    EXPECT_EQ(line.name.find("sparse"), std::string::npos) << line.name;
+    EXPECT_EQ(line.name.find("low_rank"), std::string::npos) << line.name;
+  }
+}
+
 TEST(Tables, UnsolvedPointsStayOutOfTheFit) {
   std::vector<RunRow> runs = rows_of_laws();
   for (RunRow& run : runs) {
