@@ -199,7 +199,7 @@ int run(int argc, char** argv) {
 }  // namespace graybox::cli
 
 int main(int argc, char** argv) {
-  graybox::cli::start_up();
+  graybox::cli::start_up(argv);
   int provided = MPI_THREAD_SINGLE;
   MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided);
   int code = graybox::cli::kShort;

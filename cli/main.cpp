@@ -116,6 +116,6 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  graybox::cli::start_up();
+  graybox::cli::start_up(argv);
   return graybox::cli::finish(run(argc, argv));
 }

@@ -4,8 +4,9 @@
 namespace graybox::cli {
 
 // States the commit, protects inputs from outputs, keeps libraries from printing, and lets writing
-// past a file-size limit fail as a full disk does.
-void start_up();
+// past a file-size limit fail as a full disk does. Under a tight limit of memory it starts the
+// program again, with one thread of BLAS. `arguments` is argv of main.
+void start_up(char** arguments);
 
 // Where it did, what the failed write threw is told once, by finish().
 [[nodiscard]] bool standard_output_failed();

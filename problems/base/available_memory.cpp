@@ -12,17 +12,23 @@
 namespace graybox {
 namespace {
 
+constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
+
 std::size_t difference(std::size_t limit, std::size_t used) {
   return limit > used ? limit - used : 0;
 }
 
+std::size_t limit_of(decltype(RLIMIT_AS) resource) {
+  rlimit bounds{};
+  if (getrlimit(resource, &bounds) != 0 || bounds.rlim_cur == RLIM_INFINITY) return kNoLimit;
+  return bounds.rlim_cur;
+}
+
 // Of a limit of this process, whose use /proc/self/status has under `name` in kilobytes.
 std::size_t left_of(decltype(RLIMIT_AS) resource, const char* name) {
-  rlimit bounds{};
-  if (getrlimit(resource, &bounds) != 0 || bounds.rlim_cur == RLIM_INFINITY) {
-    return std::numeric_limits<std::size_t>::max();
-  }
-  return difference(bounds.rlim_cur, number_in_file("/proc/self/status", name).value_or(0) * 1024);
+  const std::size_t limit = limit_of(resource);
+  if (limit == kNoLimit) return kNoLimit;
+  return difference(limit, number_in_file("/proc/self/status", name).value_or(0) * 1024);
 }
 
 }  // namespace
@@ -36,8 +42,13 @@ std::size_t available_memory() {
   if (const auto kilobytes = number_in_file("/proc/meminfo", "MemAvailable:")) {
     least = std::min(least, *kilobytes * 1024);
   }
-  least = std::min(least, left_of(RLIMIT_AS, "VmSize:"));
-  return std::min(least, left_of(RLIMIT_DATA, "VmData:"));
+  return std::min(least, room_in_process_limits());
+}
+
+std::size_t process_limit() { return std::min(limit_of(RLIMIT_AS), limit_of(RLIMIT_DATA)); }
+
+std::size_t room_in_process_limits() {
+  return std::min(left_of(RLIMIT_AS, "VmSize:"), left_of(RLIMIT_DATA, "VmData:"));
 }
 
 NotEnoughMemory::NotEnoughMemory(std::size_t bytes, std::size_t available)

@@ -27,6 +27,11 @@ class NotEnoughMemory : public std::bad_alloc {
 // number.
 [[nodiscard]] std::size_t available_memory();
 
+// The lesser of the limits of this process's address space and data, and what is left of them: what
+// the system refuses, rather than kills for. The largest number where there is no limit.
+[[nodiscard]] std::size_t process_limit();
+[[nodiscard]] std::size_t room_in_process_limits();
+
 // Throws InputError with `fix`, what the user can do, if `bytes` for `what` are not available.
 void require_memory(std::size_t bytes, const std::string& what, const std::string& fix);
 

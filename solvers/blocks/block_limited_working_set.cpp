@@ -27,7 +27,9 @@ BlockLimitedWorkingSet::BlockLimitedWorkingSet(std::size_t dimension, std::size_
       trial_matrix_(packed_size_),
       inverse_(dimension),
       trial_(dimension),
-      prices_(block_count, 0.0) {}
+      prices_(block_count, 0.0) {
+  lapack::require_room(1);
+}
 
 bool BlockLimitedWorkingSet::add(std::size_t candidate, std::uint32_t block,
                                  const double* information) {

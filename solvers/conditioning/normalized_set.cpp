@@ -53,6 +53,7 @@ NormalizedSet::NormalizedSet(const InformationSet& set, const NormalizedSetOptio
       rows_(candidate_count_ * packed_size_),
       row_norms_(candidate_count_, 1.0),
       transform_(packed_size_, 0.0) {
+  lapack::require_room(1);  // here, and for what solves with these rows
   for (std::size_t i = 0; i < dimension_; ++i) transform_[packed_index(i, i)] = 1.0;
   if (!options.whiten) {
     std::copy(set.data(), set.data() + rows_.size(), rows_.begin());

@@ -20,6 +20,15 @@ void dsyrk_(const char* uplo, const char* trans, const int* n, const int* k, con
 
 namespace graybox::lapack {
 
+// Bytes of the buffer that OpenBLAS takes for each thread that calls it.
+constexpr std::size_t kBuffer = std::size_t{128} << 20;
+
+// Throws InputError where the limits of this process (ulimit -d, -v) leave no room for the buffers
+// of so many callers at a time; else OpenBLAS has them from then on. To be asked before the first
+// call and outside of parallel regions: OpenBLAS asks for a buffer that it is refused again and
+// again, without end.
+void require_room(int callers);
+
 // A = L L^T in place; false where A is not positive definite (or holds a NaN). n^3/3 flops.
 [[nodiscard]] inline bool factorise_cholesky(std::size_t n, double* a) {
   const int size = static_cast<int>(n);

@@ -87,6 +87,7 @@ void update_rest(const Tiles& tiles, std::size_t k, int threads) {
 }  // namespace
 
 bool factorise_cholesky_tiled(std::size_t n, double* a, int threads) {
+  lapack::require_room(threads);
   const Tiles tiles(n, a);
   for (std::size_t k = 0; k < tiles.count(); ++k) {
     if (stop_requested() || !factorise_diagonal(tiles, k)) return false;
@@ -97,6 +98,7 @@ bool factorise_cholesky_tiled(std::size_t n, double* a, int threads) {
 }
 
 bool gram_tiled(std::size_t n, std::size_t k, const double* a, double* c, int threads) {
+  lapack::require_room(threads);
   const Tiles tiles(n, c);
   const auto pairs = tiles.below(0);
   const int depth = static_cast<int>(k);

@@ -1,8 +1,9 @@
-// Sets larger than the memory that is there are refused in one line with the file, the need and the
-// remedy. Never killed, nothing written.
+// Sets larger than the memory that is there stay in their file, or are refused in one line with the
+// file, the need and the remedy. Never killed, never waiting, nothing written.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "tests/support/command_runner.hpp"
@@ -38,6 +39,55 @@ TEST_F(Memory, ALimitOfAddressesRefusesWithTheFileAndTheNeed) {
                               "problem convert set.h5 -o x.npy", "study --quick --sets set.h5"}) {
     expect_line(graybox(command, kAddresses), 2, "set.h5: needs 2.9e+08 bytes of memory");
   }
+}
+
+// Under a limit of data that the set's numbers don't fit in, they stay in their file. OpenBLAS asks
+// without end for buffers that such a limit refuses: `timeout` ends a command that waits for it.
+std::string under_data_limit(int kilobytes) {
+  return "ulimit -d " + std::to_string(kilobytes) + " && timeout -k 1 100";
+}
+
+TEST_F(Memory, ALimitOfDataLeavesTheNumbersInTheirFile) {
+  ASSERT_EQ(graybox("solve set.h5 --gap 1e-6 -o plenty.json").exit_code, 0);
+  const Outcome plenty = graybox("check set.h5 plenty.json --json");
+  ASSERT_EQ(plenty.exit_code, 0) << plenty.err;
+  const Outcome limited = graybox("check set.h5 plenty.json --json", under_data_limit(120000));
+  EXPECT_EQ(limited.exit_code, 0) << limited.err;
+  const auto number = [](const Outcome& outcome, const char* key) {
+    return nlohmann::json::parse(outcome.out).at(key).get<double>();
+  };
+  EXPECT_EQ(number(limited, "duality_gap"), number(plenty, "duality_gap"));
+  EXPECT_EQ(number(limited, "log_det"), number(plenty, "log_det"));
+  const Outcome solved = graybox("solve set.h5 --gap 1e-6 -o x.json", under_data_limit(200000));
+  EXPECT_EQ(solved.exit_code, 0) << solved.err;
+}
+
+TEST_F(Memory, NoLimitOfDataLeavesACommandWaiting) {
+  ASSERT_EQ(graybox("solve set.h5 --gap 1e-6 -o x.json").exit_code, 0);
+  for (const int kilobytes : {20000, 40000, 60000, 80000, 100000, 150000, 250000, 300000}) {
+    const std::string before = under_data_limit(kilobytes);
+    EXPECT_EQ(graybox("--version", before).exit_code, 0) << kilobytes;
+    for (const char* command : {"check set.h5 x.json", "solve set.h5 --gap 1e-6"}) {
+      const Outcome outcome = graybox(command, before);
+      if (outcome.exit_code == 0) continue;
+      EXPECT_TRUE(outcome.exit_code == 1 || outcome.exit_code == 2)
+          << command << ", " << kilobytes << ": " << outcome.exit_code << ' ' << outcome.err;
+      EXPECT_NE(outcome.err.find("memory"), std::string::npos) << outcome.err;
+      EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+      EXPECT_EQ(outcome.out, "") << command << ", " << kilobytes;
+    }
+  }
+}
+
+TEST_F(Memory, ASolverThatCallsBlasIsRefusedWhereItsBufferFindsNoRoom) {
+  ASSERT_EQ(graybox("problem random --candidates 40 --dimension 3 -o small.h5").exit_code, 0);
+  for (const std::string solver : {"dual_interior_point", "primal_interior_point"}) {
+    const std::string solve = "solve small.h5 --solver " + solver;
+    expect_line(graybox(solve, under_data_limit(100000)), 2, "BLAS");
+    const Outcome roomy = graybox(solve, under_data_limit(300000));
+    EXPECT_EQ(roomy.exit_code, 0) << roomy.err;
+  }
+  EXPECT_EQ(graybox("solve small.h5", under_data_limit(100000)).exit_code, 0);
 }
 
 }  // namespace
