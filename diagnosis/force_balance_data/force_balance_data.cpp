@@ -606,6 +606,12 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
         "fit more of it (segments; role: validation on less)",
         campaign.file.string(), data.estimation.samples(), kFewestSamples));
   }
+  if (data.estimation.measured.isZero(0.0)) {
+    throw InputError(fmt::format(
+        "{}: no force acts in the recordings of the fit, and a balance of forces has nothing to "
+        "balance: use --method prediction_error",
+        campaign.file.string()));
+  }
   for (const RobotJoint& joint : robot.joints) {
     data.coordinates.push_back({joint.name, units_of(joint)});
   }

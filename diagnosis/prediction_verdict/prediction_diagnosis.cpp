@@ -60,6 +60,8 @@ class DiagnosisBuilder {
     result_.after = extended_fit(from_.final->found());
     result_.validation_before = held_out(from_.final->as_given());
     result_.validation_after = held_out(from_.final->found());
+    result_.kept_out_change = change_of_kept_out();
+    if (result_.kept_out_change) widen_errors(*result_.kept_out_change, result_.after);
     motion_ = from_.final->motion();
     const PredictionEffects effects(from_);
     result_.effects = effects.of(result_.after.laws);
@@ -78,7 +80,6 @@ class DiagnosisBuilder {
     result_.implausible =
         implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
     result_.interrupted = from_.findings->stopped;
-    result_.kept_out_change = change_of_kept_out();
     if (!result_.effects.empty()) result_.trends = from_.final->trends();
     result_.reasons = reasons.of(result_);
     result_.verdict = verdict_of(result_.reasons);
