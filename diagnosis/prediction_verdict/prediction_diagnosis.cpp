@@ -335,6 +335,7 @@ void require_windows(const LumpedModel& model, const PredictionData& data,
 struct OtherLook {
   std::unique_ptr<PredictionFindings> findings;  // that the final fit refers to
   std::unique_ptr<FinalFit> final;
+  bool is_confirmed = true;  // by recordings kept out; else it is told and not taken
 };
 
 // One sample ahead, beside a disturbance, where the ladder ends without laws. A look that is
@@ -418,7 +419,8 @@ double left_by(const JudgedModel& model, const PredictionData& data) {
                                : relative_size(model.error, data.output_scale());
 }
 
-// A search over whole recordings from this model. Recordings kept out must confirm what is found.
+// A search over whole recordings from this model, and whether recordings kept out confirm what is
+// found.
 std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const LumpedModel& stated,
                                    const PredictionData& data,
                                    const PredictionHypotheses& hypotheses,
@@ -436,7 +438,8 @@ std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const Lumpe
   if (!farther.fit.usable || farther.fit.model.laws.size() <= laws) return {};
   const bool holds = data.has_validation() ? is_confirmed(*look.final)
                                            : is_plainly_better(*look.final, hypotheses, data);
-  if (!holds || (laws > 0 && !(left_by(farther, data) < kHalf * left_by(found, data)))) return {};
+  look.is_confirmed =
+      holds && (laws == 0 || left_by(farther, data) < kHalf * left_by(found, data));
   return look;
 }
 
@@ -454,6 +457,35 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
   if (must_be_short && !is_short(data)) return {};
   if (laws > 0 && !leaves_much_kept_out(found)) return {};
   return look_from(found.fit.model, stated, data, hypotheses, options, ladder, found);
+}
+
+// Laws that whole recordings of the fit ask for, and those kept out do not confirm.
+void tell_unconfirmed(const OtherLook& look, const FinalFit& taken, const PredictionData& data,
+                      Diagnosis& diagnosis) {
+  constexpr double kAsked = 0.5;  // of the error of the fit
+  const JudgedModel &with = look.final->found(), &without = taken.found();
+  const VectorXd& scale = data.output_scale();
+  const double left = relative_size(with.error, scale),
+               before = relative_size(look.final->as_given().error, scale);
+  if (with.horizon != 0 || !(left < kAsked * before)) return;
+  std::optional<HeldOutEffect> held_out;
+  if (with.held_out_error && without.held_out_error && without.horizon == 0) {
+    held_out = HeldOutEffect{100.0 * kept_out_of(without), 100.0 * kept_out_of(with)};
+    held_out->gain = 1.0 - std::pow(held_out->error_with / held_out->error_without, 2);
+    held_out->misleads = held_out->gain < 0.0;
+  }
+  for (const PlacedFinding& law : with.fit.model.laws) {
+    if (std::ranges::count(without.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis) > 0)
+      continue;
+    diagnosis.rejected.push_back(
+        {fitted_law(with.fit.model, law, &with),
+         fmt::format("whole recordings of the fit ask for it (error from {:.3g} to {:.3g} %), and "
+                     "{}",
+                     100.0 * before, 100.0 * left,
+                     data.has_validation() ? "those kept out do not confirm it"
+                                           : "none were kept out to confirm it"),
+         held_out});
+  }
 }
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
@@ -599,6 +631,8 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
       std::optional<OtherLook> look =
           look_nearer(stated, data, hypotheses, search_options, findings, ladder);
       if (!look) look = look_farther(stated, data, hypotheses, search_options, findings, ladder);
+      std::optional<OtherLook> unconfirmed;
+      if (look && !look->is_confirmed) unconfirmed = std::exchange(look, std::nullopt);
       const FinalFit& final = look ? *look->final : ladder;
       if (final.found().fit.usable) {
         if (other != nullptr)
@@ -607,6 +641,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
         const PredictionFindings& told = look ? *look->findings : findings;
         const PredictionOutcome outcome{&stated, &data, &hypotheses, &told, &final};
         result.diagnosis = DiagnosisBuilder(outcome).build();
+        if (unconfirmed) tell_unconfirmed(*unconfirmed, final, data, result.diagnosis);
         add_assumptions(outcome, held, result.diagnosis);
         doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);
