@@ -8,8 +8,10 @@
 #include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/final_fit/final_fit.hpp"
@@ -584,6 +586,12 @@ void doubt_sign(const LumpedModel& stated, const PredictionData& data,
   diagnosis.verdict = verdict_of(diagnosis.reasons);
 }
 
+void refuse_channels(const SearchOptions& options, Diagnosis& diagnosis) {
+  diagnosis.trouble = "the recordings are not what the channels say";
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+}
+
 void require_lumped(const std::filesystem::path& model) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
@@ -620,9 +628,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
           find_reversed_outputs(stated, searched, hypotheses, threads);
     }
     if (!result.diagnosis.channel_faults.empty()) {
-      result.diagnosis.trouble = "the recordings are not what the channels say";
-      result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
-      result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+      refuse_channels(options, result.diagnosis);
       return result;
     }
     PredictionFindings findings = search.run(stated);
