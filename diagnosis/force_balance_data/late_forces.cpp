@@ -129,8 +129,7 @@ LatenessFit fit_lateness(const LatenessRows& fitted, const LatenessRows& held_ou
   fit.seconds = -coefficient;
   fit.share = coefficient * rest.dot(column) / rest.squaredNorm();
   fit.share_held_out = 1.0 - left / rest_then.squaredNorm();
-  fit.nrmse_held_out = 100.0 * std::sqrt(left / static_cast<double>(then.count) /
-                                         signal);
+  fit.nrmse_held_out = 100.0 * std::sqrt(left / static_cast<double>(then.count) / signal);
   return fit;
 }
 

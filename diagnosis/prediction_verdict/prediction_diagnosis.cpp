@@ -440,8 +440,7 @@ std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const Lumpe
   if (!farther.fit.usable || farther.fit.model.laws.size() <= laws) return {};
   const bool holds = data.has_validation() ? is_confirmed(*look.final)
                                            : is_plainly_better(*look.final, hypotheses, data);
-  look.is_confirmed =
-      holds && (laws == 0 || left_by(farther, data) < kHalf * left_by(found, data));
+  look.is_confirmed = holds && (laws == 0 || left_by(farther, data) < kHalf * left_by(found, data));
   return look;
 }
 

@@ -27,9 +27,9 @@ constexpr double kRoundedLimit = 2.0 * kHeldOutLimit;      // where the sensor c
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kNotSmall = 5.0;                          // % of the signal
-constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
+constexpr double kSmallError = 3.0;   // % of the signal, which may grow from less
 constexpr double kWholeLimit = 50.0;  // % of the signal
-constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
+constexpr double kSmallForce = 5.0;   // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
 constexpr double kStructureLimit = 3.0;  // % of the forces that act
 constexpr double kRestLimit = 15.0;      // % of them
