@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 namespace graybox {
 namespace {
@@ -39,6 +40,16 @@ std::optional<KeptOutChange> kept_out_change(const ExtendedFit& fit, double erro
   if (change.sizes.empty()) return {};
   std::ranges::sort(change.sizes, std::greater{}, &ChangedSize::z);
   return change;
+}
+
+void widen_errors(const KeptOutChange& change, ExtendedFit& fit) {
+  for (const ChangedSize& size : change.sizes) {
+    auto& list = size.law ? fit.laws[*size.law].parameters : fit.model_parameters;
+    const auto own = std::ranges::find(list, size.in_fit.name, &LawParameterEstimate::name);
+    if (own == list.end()) continue;
+    const double apart = std::abs(size.in_fit.value - size.kept_out.value);
+    own->standard_error = std::max(own->standard_error, apart / std::numbers::sqrt2);
+  }
 }
 
 }  // namespace graybox

@@ -40,4 +40,8 @@ struct KeptOutChange {
                                                            const ExtendedFit& own,
                                                            double error_fitted);
 
+// The errors of sizes that changed allow for it: two fits are apart by sqrt(2) standard deviations
+// of each.
+void widen_errors(const KeptOutChange& change, ExtendedFit& fit);
+
 }  // namespace graybox

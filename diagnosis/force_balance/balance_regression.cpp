@@ -117,7 +117,14 @@ Eigen::VectorXd rms_of(const ForceBalanceRows& rows, const Eigen::MatrixXd& resi
 }
 
 double centred_square(const Eigen::MatrixXd& values) {
-  return (values.rowwise() - values.colwise().mean()).squaredNorm();
+  constexpr double kNeverChanges = 1e-18;  // of its square
+  double sum = 0.0;
+  for (const auto& column : values.colwise()) {
+    const double square = column.squaredNorm();
+    const double about_mean = (column.array() - column.mean()).square().sum();
+    sum += about_mean > kNeverChanges * square ? about_mean : square;
+  }
+  return sum;
 }
 
 void append_columns(const Eigen::MatrixXd& more, Eigen::MatrixXd& columns) {

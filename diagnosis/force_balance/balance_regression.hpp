@@ -123,7 +123,7 @@ class BalanceProjection {
 [[nodiscard]] Eigen::VectorXd rms_of(const ForceBalanceRows& rows,
                                      const Eigen::MatrixXd& residuals);
 
-// Sum of squares about the mean of each column.
+// Sum of squares about the mean of each column; about zero of one that never changes.
 [[nodiscard]] double centred_square(const Eigen::MatrixXd& values);
 
 // Puts columns to the right of those that are there.

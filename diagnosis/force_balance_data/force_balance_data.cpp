@@ -448,15 +448,13 @@ void remark_idle_joints(const RigidRobotModel& robot, ForceBalanceData& data) {
   }
 }
 
-// Where no force kept out ever changes (a drive that is off, a machine that coasts) there is
+// Where no force acts in what was kept out (a drive that is off, a machine that coasts) there is
 // nothing to be predicted.
-void leave_out_constant_forces(ForceBalanceData& data) {
-  if (data.validation.empty()) return;
-  const Eigen::MatrixXd& measured = data.validation.measured;
-  if (((measured.rowwise() - measured.row(0)).array() != 0.0).any()) return;
+void leave_out_missing_forces(ForceBalanceData& data) {
+  if (data.validation.empty() || !data.validation.measured.isZero(0.0)) return;
   data.remarks.emplace_back(
-      "no force changes in what was kept out (is the drive off there?), so it checks nothing: keep "
-      "out recordings in which the drive works");
+      "no force acts in what was kept out, so it checks nothing: keep out recordings in which the "
+      "drive works");
   data.validation = {};
 }
 
@@ -606,6 +604,12 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
         "fit more of it (segments; role: validation on less)",
         campaign.file.string(), data.estimation.samples(), kFewestSamples));
   }
+  if (data.estimation.measured.isZero(0.0)) {
+    throw InputError(fmt::format(
+        "{}: no force acts in the recordings of the fit, and a balance of forces has nothing to "
+        "balance: use --method prediction_error",
+        campaign.file.string()));
+  }
   for (const RobotJoint& joint : robot.joints) {
     data.coordinates.push_back({joint.name, units_of(joint)});
   }
@@ -615,7 +619,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   for (ForceBalanceRows* rows : {&data.estimation, &data.validation}) silence(data.idle, *rows);
   if (robot.size() == 1) data.known_inertia = known_inertia(columns);
   keep_base_parameters(columns, data);
-  leave_out_constant_forces(data);
+  leave_out_missing_forces(data);
   add_all_places(robot, place_files, data);
   prepare_places(data.places, data.estimation);
   prepare_places(data.places, data.validation);

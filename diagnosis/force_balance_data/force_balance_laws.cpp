@@ -239,11 +239,12 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
   MotionScale scale;
   if (place.location.is_flange) return scale;
   double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-  double forwards = 0.0, backwards = 0.0;  // squared velocities
+  double lesser = 0.0, squares = 0.0;  // of velocities; the way that each piece has less of
   for (const Motion& piece : rows.pieces) {
     if (!place.location.load.empty() && piece.load != place.location.load) continue;
     const RecordedPlaceMotion motion = motion_at(place, piece);
     const double mean = motion.deflection.mean();
+    double forwards = 0.0, backwards = 0.0;
     for (Eigen::Index t = 0; t < motion.deflection.size(); ++t) {
       if (stands(place, piece, t)) continue;
       scale.deflections.push_back(std::abs(motion.deflection(t)));
@@ -253,12 +254,14 @@ MotionScale motion_scale(const CandidatePlace& place, const ForceBalanceRows& ro
       lowest = std::min(lowest, motion.deflection(t));
       highest = std::max(highest, motion.deflection(t));
     }
+    lesser += std::min(forwards, backwards);
+    squares += forwards + backwards;
   }
   std::sort(scale.deflections.begin(), scale.deflections.end());
   std::sort(scale.excursions.begin(), scale.excursions.end());
   std::sort(scale.rates.begin(), scale.rates.end());
   scale.range = highest - lowest;
-  scale.goes_one_way = std::min(forwards, backwards) < kOneWay * (forwards + backwards);
+  scale.goes_one_way = lesser < kOneWay * squares;
   const Motion& piece = rows.pieces.front();
   if (place.location.units.deflection == "m") {
     constexpr double kSamplesAWave = 2.0;

@@ -118,6 +118,10 @@ LatenessFit fit_lateness(const LatenessRows& fitted, const LatenessRows& held_ou
   };
   const auto [column, column_then] = beside(slopes.values, then.values);
   const auto [rest, rest_then] = beside(slopes.masked(fitted.rest), then.masked(held_out.rest));
+  constexpr double kNeverChanges = 1e-9;  // of its rms: such a force comes at any time
+  const double signal = variance(held_out.rows, coordinate);
+  const double square = held_out.rows.measured.col(coordinate).squaredNorm();
+  if (!(signal * static_cast<double>(then.count) > kNeverChanges * square)) return {};
   if (!(column.squaredNorm() > kImitated * slopes.values.squaredNorm())) return {};
   const double coefficient = rest.dot(column) / column.squaredNorm();
   const double left = (rest_then - coefficient * column_then).squaredNorm();
@@ -125,8 +129,7 @@ LatenessFit fit_lateness(const LatenessRows& fitted, const LatenessRows& held_ou
   fit.seconds = -coefficient;
   fit.share = coefficient * rest.dot(column) / rest.squaredNorm();
   fit.share_held_out = 1.0 - left / rest_then.squaredNorm();
-  fit.nrmse_held_out = 100.0 * std::sqrt(left / static_cast<double>(then.count) /
-                                         variance(held_out.rows, coordinate));
+  fit.nrmse_held_out = 100.0 * std::sqrt(left / static_cast<double>(then.count) / signal);
   return fit;
 }
 

@@ -23,7 +23,7 @@ struct MotionScale {
   std::vector<double> excursions;   // |z - its mean|, sorted: what laws with memory know of z
   std::vector<double> rates;        // |z'|, sorted
   double range = 0.0;               // of z
-  // It never turns back. Then laws with memory show nothing that laws without do not.
+  // In no recording it turns back. Then laws with memory show nothing that laws without do not.
   bool goes_one_way = false;
   // Shortest wave along a line that the samples show, of magnets or screws; 0: not asked.
   double finest_wave = 0.0;

@@ -431,8 +431,7 @@ std::optional<LawExtension> PredictionHypotheses::weight_like(const ExtendedLump
     if (!(angle.maxCoeff() - angle.minCoeff() > kTurned)) return {};
     Eigen::MatrixX2d waves(angle.size(), 2);
     waves << angle.array().sin(), angle.array().cos();
-    const VectorXd force =
-        angle.unaryExpr([&](double at) { return part.law->force(at, 0.0, {}); });
+    const VectorXd force = angle.unaryExpr([&](double at) { return part.law->force(at, 0.0, {}); });
     const Eigen::Vector2d sizes = waves.colPivHouseholderQr().solve(force);
     if (!sizes.allFinite()) return {};
     LawExtension weight = amplitude({}, {0.0, 0.0}, 0, 1.0, false);

@@ -469,7 +469,10 @@ bool PredictionSearch::add_group(State& state, const std::optional<PredictionFit
   std::ranges::move(dragged_friction(extensions, state.fit.model.model),
                     std::back_inserter(groups));
   std::ranges::move(bent_drives(extensions, state.fit.model.model), std::back_inserter(groups));
-  std::ranges::move(braked_weights(extensions, state.fit.model.model), std::back_inserter(groups));
+  if (data_->moves_freely()) {
+    std::ranges::move(braked_weights(extensions, state.fit.model.model),
+                      std::back_inserter(groups));
+  }
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
   const std::vector<LawExtension>* taken = nullptr;
   PredictionFit best;

@@ -9,9 +9,9 @@
 //      leaves by itself, stop where they exceed 95 % of the signal
 //   2. rank all laws (extension_scores.hpp), take a shortlist, refit each from this fit
 //   3. where no law was found yet, also groups at once (law_groups.hpp): viscous and Coulomb
-//      friction at all masses, Coulomb friction and drag, a curved gain or a weight at one, or a
-//      spring and where it rests; taken if they leave less than 80 % of what the best single law
-//      does
+//      friction at all masses, Coulomb friction and drag, a curved gain or, where nothing drives,
+//      a weight at one, or a spring and where it rests; taken if they leave less than 80 % of what
+//      the best single law does
 //   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
 //      than 3 %, 10 % by a law that few machines have, 15 % near the noise (late channels a quarter
 //      of what may be rounding), and the frictions do not feed energy in (friction_energy.hpp);

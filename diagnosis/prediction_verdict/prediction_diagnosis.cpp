@@ -8,8 +8,10 @@
 #include <iterator>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/final_fit/final_fit.hpp"
@@ -60,6 +62,8 @@ class DiagnosisBuilder {
     result_.after = extended_fit(from_.final->found());
     result_.validation_before = held_out(from_.final->as_given());
     result_.validation_after = held_out(from_.final->found());
+    result_.kept_out_change = change_of_kept_out();
+    if (result_.kept_out_change) widen_errors(*result_.kept_out_change, result_.after);
     motion_ = from_.final->motion();
     const PredictionEffects effects(from_);
     result_.effects = effects.of(result_.after.laws);
@@ -78,7 +82,6 @@ class DiagnosisBuilder {
     result_.implausible =
         implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
     result_.interrupted = from_.findings->stopped;
-    result_.kept_out_change = change_of_kept_out();
     if (!result_.effects.empty()) result_.trends = from_.final->trends();
     result_.reasons = reasons.of(result_);
     result_.verdict = verdict_of(result_.reasons);
@@ -334,6 +337,7 @@ void require_windows(const LumpedModel& model, const PredictionData& data,
 struct OtherLook {
   std::unique_ptr<PredictionFindings> findings;  // that the final fit refers to
   std::unique_ptr<FinalFit> final;
+  bool is_confirmed = true;  // by recordings kept out; else it is told and not taken
 };
 
 // One sample ahead, beside a disturbance, where the ladder ends without laws. A look that is
@@ -417,7 +421,8 @@ double left_by(const JudgedModel& model, const PredictionData& data) {
                                : relative_size(model.error, data.output_scale());
 }
 
-// A search over whole recordings from this model. Recordings kept out must confirm what is found.
+// A search over whole recordings from this model, and whether recordings kept out confirm what is
+// found.
 std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const LumpedModel& stated,
                                    const PredictionData& data,
                                    const PredictionHypotheses& hypotheses,
@@ -435,7 +440,7 @@ std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const Lumpe
   if (!farther.fit.usable || farther.fit.model.laws.size() <= laws) return {};
   const bool holds = data.has_validation() ? is_confirmed(*look.final)
                                            : is_plainly_better(*look.final, hypotheses, data);
-  if (!holds || (laws > 0 && !(left_by(farther, data) < kHalf * left_by(found, data)))) return {};
+  look.is_confirmed = holds && (laws == 0 || left_by(farther, data) < kHalf * left_by(found, data));
   return look;
 }
 
@@ -453,6 +458,35 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
   if (must_be_short && !is_short(data)) return {};
   if (laws > 0 && !leaves_much_kept_out(found)) return {};
   return look_from(found.fit.model, stated, data, hypotheses, options, ladder, found);
+}
+
+// Laws that whole recordings of the fit ask for, and those kept out do not confirm.
+void tell_unconfirmed(const OtherLook& look, const FinalFit& taken, const PredictionData& data,
+                      Diagnosis& diagnosis) {
+  constexpr double kAsked = 0.5;  // of the error of the fit
+  const JudgedModel &with = look.final->found(), &without = taken.found();
+  const VectorXd& scale = data.output_scale();
+  const double left = relative_size(with.error, scale),
+               before = relative_size(look.final->as_given().error, scale);
+  if (with.horizon != 0 || !(left < kAsked * before)) return;
+  std::optional<HeldOutEffect> held_out;
+  if (with.held_out_error && without.held_out_error && without.horizon == 0) {
+    held_out = HeldOutEffect{100.0 * kept_out_of(without), 100.0 * kept_out_of(with)};
+    held_out->gain = 1.0 - std::pow(held_out->error_with / held_out->error_without, 2);
+    held_out->misleads = held_out->gain < 0.0;
+  }
+  for (const PlacedFinding& law : with.fit.model.laws) {
+    if (std::ranges::count(without.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis) > 0)
+      continue;
+    diagnosis.rejected.push_back(
+        {fitted_law(with.fit.model, law, &with),
+         fmt::format("whole recordings of the fit ask for it (error from {:.3g} to {:.3g} %), and "
+                     "{}",
+                     100.0 * before, 100.0 * left,
+                     data.has_validation() ? "those kept out do not confirm it"
+                                           : "none were kept out to confirm it"),
+         held_out});
+  }
 }
 
 Diagnosis without_fit(const PredictionFindings& findings, const SearchOptions& options) {
@@ -551,6 +585,12 @@ void doubt_sign(const LumpedModel& stated, const PredictionData& data,
   diagnosis.verdict = verdict_of(diagnosis.reasons);
 }
 
+void refuse_channels(const SearchOptions& options, Diagnosis& diagnosis) {
+  diagnosis.trouble = "the recordings are not what the channels say";
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+}
+
 void require_lumped(const std::filesystem::path& model) {
   const std::string format = YamlField::load(model).at("format").text();
   if (format != "graybox-lumped/1") {
@@ -587,9 +627,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
           find_reversed_outputs(stated, searched, hypotheses, threads);
     }
     if (!result.diagnosis.channel_faults.empty()) {
-      result.diagnosis.trouble = "the recordings are not what the channels say";
-      result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
-      result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+      refuse_channels(options, result.diagnosis);
       return result;
     }
     PredictionFindings findings = search.run(stated);
@@ -598,6 +636,8 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
       std::optional<OtherLook> look =
           look_nearer(stated, data, hypotheses, search_options, findings, ladder);
       if (!look) look = look_farther(stated, data, hypotheses, search_options, findings, ladder);
+      std::optional<OtherLook> unconfirmed;
+      if (look && !look->is_confirmed) unconfirmed = std::exchange(look, std::nullopt);
       const FinalFit& final = look ? *look->final : ladder;
       if (final.found().fit.usable) {
         if (other != nullptr)
@@ -606,6 +646,7 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
         const PredictionFindings& told = look ? *look->findings : findings;
         const PredictionOutcome outcome{&stated, &data, &hypotheses, &told, &final};
         result.diagnosis = DiagnosisBuilder(outcome).build();
+        if (unconfirmed) tell_unconfirmed(*unconfirmed, final, data, result.diagnosis);
         add_assumptions(outcome, held, result.diagnosis);
         doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
         result.doubt = doubt_about(result.diagnosis, result.hypotheses);

@@ -59,9 +59,9 @@ std::optional<HeldOutEffect> PredictionEffects::effect_of(const JudgedModel& wit
   if (!effect || !effect->misleads) return effect;
   // Over whole runs the force that remains adds up to more than a law does.
   if (effect->seconds_ahead == 0.0) {
-    const auto ahead = effect_between(from_.final->held_out_ahead(without, kDisturbedShare),
-                                      from_.final->held_out_ahead(from_.final->found(),
-                                                                  kDisturbedShare));
+    const auto ahead =
+        effect_between(from_.final->held_out_ahead(without, kDisturbedShare),
+                       from_.final->held_out_ahead(from_.final->found(), kDisturbedShare));
     return ahead ? ahead : effect;
   }
   if (effect->error_with > kAsGoodAsNothing) return effect;

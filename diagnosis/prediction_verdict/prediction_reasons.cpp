@@ -23,13 +23,13 @@ constexpr const char* kFittedTest = "error on the recordings of the fit";
 constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kHeldOutLimit = 15.0;                     // % of the signal
 constexpr double kNoiseLimit = 1.5;                        // times the noise
-constexpr double kUnstatedLimit = 2.0 * kHeldOutLimit;     // where it is not stated
+constexpr double kRoundedLimit = 2.0 * kHeldOutLimit;      // where the sensor counts
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kNotSmall = 5.0;                          // % of the signal
-constexpr double kSmallError = 3.0;  // % of the signal, which may grow from less
+constexpr double kSmallError = 3.0;   // % of the signal, which may grow from less
 constexpr double kWholeLimit = 50.0;  // % of the signal
-constexpr double kSmallForce = 5.0;  // % of the forces that act: as good as nothing
+constexpr double kSmallForce = 5.0;   // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
 constexpr double kStructureLimit = 3.0;  // % of the forces that act
 constexpr double kRestLimit = 15.0;      // % of them
@@ -136,11 +136,13 @@ bool PredictionReasons::is_disturbance() const {
          100.0 * rest.structured_share() <= kStructureLimit && 100.0 * rest.share() <= kSmallForce;
 }
 
-// Noise that is read from differences may be motion: it excuses so much and no more.
+// Noise that is read from differences may be motion, and excuses nothing; steps of an encoder do so
+// much and no more.
 double PredictionReasons::limit_of_error(Index output, double scale) const {
   const double noise = 100.0 * kNoiseLimit * from_.data->noise()(output) / scale;
-  const bool is_stated = from_.data->states_noise(output);
-  return std::max(kHeldOutLimit, is_stated ? noise : std::min(noise, kUnstatedLimit));
+  if (from_.data->states_noise(output)) return std::max(kHeldOutLimit, noise);
+  const double most = from_.data->is_rounded(output) ? kRoundedLimit : kHeldOutLimit;
+  return std::max(kHeldOutLimit, std::min(noise, most));
 }
 
 bool PredictionReasons::has_stated_noise() const {

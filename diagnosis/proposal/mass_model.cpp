@@ -69,8 +69,8 @@ class MassModel {
   }
 
   [[nodiscard]] OneMassStart start_of(const Eigen::VectorXd& force) const {
-    return start_one_mass({force, motion(0), machine_.motions[0].is_velocity,
-                           !machine_.is_linear(), time_.sample_time});
+    return start_one_mass({force, motion(0), machine_.motions[0].is_velocity, !machine_.is_linear(),
+                           time_.sample_time});
   }
 
   // As --column takes it: "-deg", "-0.1 deg".

@@ -189,9 +189,8 @@ ExtendedFit fit_with_special_case(SearchState& state, std::size_t law, const Ext
   best.usable = false;
   if (asked.empty()) return best;
   ScoreTable table = state.problem->scores(without, asked, 0, state.options.seed);
-  std::erase_if(table.scores, [](const HypothesisScore& score) {
-    return score.start.parameters.empty();
-  });
+  std::erase_if(table.scores,
+                [](const HypothesisScore& score) { return score.start.parameters.empty(); });
   if (table.scores.empty()) return best;
   const auto plainest = std::ranges::max_element(
       table.scores, {}, [](const HypothesisScore& score) { return score.score.statistic; });

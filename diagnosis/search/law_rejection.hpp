@@ -1,10 +1,11 @@
 // What is not found although it lowers the error of the fit. This holds for laws that raise the
 // error of recordings kept out. It holds for laws that lower its square by less than 3 % where the
 // noise is not known (a law that few machines have, kRareRank: by less than 10 %). It holds for
-// laws whose size is not determined and which lower that square by less than 30 %. And it holds for
-// laws where the error is as large as the signal. Recordings kept out are asked for each law with
-// the others refitted without it (law_pruning.hpp). Where none were kept out nothing is rejected
-// for what it predicts.
+// laws that lower that square by less than 3 % beyond what a special case of them does in their
+// place, which takes it then. It holds for laws whose size is not determined and which lower that
+// square by less than 30 %. And it holds for laws where the error is as large as the signal.
+// Recordings kept out are asked for each law with the others refitted without it
+// (law_pruning.hpp). Where none were kept out nothing is rejected for what it predicts.
 //
 // Where the noise is known a law misleads only if the error is larger beyond what the errors of the
 // fitted parameters do (HeldOutPrediction::cost): recordings kept out that do not excite a law say

@@ -115,8 +115,8 @@ bool takes_energy_both_ways(const DriveWorkBothWays& drive) {
   const auto is_enough = [all](const DriveWork& way) {
     return static_cast<double>(way.moving) > kEachWay * static_cast<double>(all);
   };
-  return is_enough(drive.forwards) && takes_energy(drive.forwards) &&
-         is_enough(drive.backwards) && takes_energy(drive.backwards);
+  return is_enough(drive.forwards) && takes_energy(drive.forwards) && is_enough(drive.backwards) &&
+         takes_energy(drive.backwards);
 }
 
 }  // namespace graybox

@@ -70,8 +70,16 @@ std::vector<std::string> reason_lines(const Diagnosis& diagnosis) {
 
 std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
                                         std::span<const Hypothesis> hypotheses) {
+  constexpr std::size_t kTold = 5;  // with their reasons
   std::vector<std::string> lines;
-  for (const RejectedLaw& rejected : diagnosis.rejected) {
+  std::string others;
+  for (std::size_t i = 0; i < diagnosis.rejected.size(); ++i) {
+    const RejectedLaw& rejected = diagnosis.rejected[i];
+    if (i >= kTold) {
+      const std::string name = hypothesis_words(hypotheses[rejected.law.hypothesis]);
+      if (others.find(name) == std::string::npos) others += (others.empty() ? "" : "; ") + name;
+      continue;
+    }
     std::string line =
         fmt::format("Tried and rejected: {}: {}",
                     hypothesis_words(hypotheses[rejected.law.hypothesis]), rejected.reason);
@@ -80,6 +88,7 @@ std::vector<std::string> rejected_lines(const Diagnosis& diagnosis,
     }
     lines.push_back(line + ".");
   }
+  if (!others.empty()) lines.push_back("Tried and rejected, too: " + others + ".");
   return lines;
 }
 

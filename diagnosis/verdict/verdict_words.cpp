@@ -311,7 +311,7 @@ void add_generalisations(const FoundEffect& effect, std::span<const Hypothesis> 
   if (names.empty()) return;
   lines.push_back((noise_is_known
                        ? "More general laws, which the recordings neither ask for nor exclude: "
-                       : "Not excluded, but rarer or more general, and better by too little: ") +
+                       : "Not excluded, but rarer or more general: ") +
                   names + ".");
 }
 

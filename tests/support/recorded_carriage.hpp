@@ -42,8 +42,7 @@ class RecordedCarriage : public ::testing::Test {
     Random random(seed);
     write("run_1.csv", force, noise, 0.0, random);
     write("run_2.csv", force, noise, 1.3, random);
-    std::ofstream(folder_ / "campaign.yaml")
-        << kCarriageCampaign << R"(  - {file: run_1.csv}
+    std::ofstream(folder_ / "campaign.yaml") << kCarriageCampaign << R"(  - {file: run_1.csv}
   - {file: run_2.csv, role: validation}
 )";
   }

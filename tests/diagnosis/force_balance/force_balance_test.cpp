@@ -981,8 +981,8 @@ TEST(DerivativeNoise, ChoosesTheLowPassThatTheAccelerationNeeds) {
   for (Eigen::Index t = 0; t < samples; ++t) {
     for (double f = 0.5; f < 10.0; f += 0.5) {
       const double wave = 2.0 * std::numbers::pi * f;
-      lively(t) += 0.5 / (wave * wave) *
-                   std::sin(wave * sample_time * static_cast<double>(t) + 7.0 * f);
+      lively(t) +=
+          0.5 / (wave * wave) * std::sin(wave * sample_time * static_cast<double>(t) + 7.0 * f);
     }
   }
   const std::optional<double> high = low_pass_of(lively + 0.1 * noise);
