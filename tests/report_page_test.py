@@ -404,8 +404,8 @@ class Study(Page):
         shown = {}
         for row in self.ask("""[...document.querySelector('#comparison table').tBodies[0].rows].map(row =>
                 [...row.cells].map(cell => cell.dataset.value || cell.textContent))"""):
-            if row[0] in ("1e-6", "1e-06"):
-                shown[row[1]] = float(row[4])
+            if row[1] in ("1e-6", "1e-06"):
+                shown[row[0]] = float(row[2])
         self.assertEqual(set(shown), {"virtual best"} | {key[3] for key in self.groups("families", "draws", "dimensions")})
         for solver, own in times.items():
             logs = [math.log(own.get(each, charge) + 1e-3) for each in instances]

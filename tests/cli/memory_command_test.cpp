@@ -16,7 +16,7 @@ using testing::Outcome;
 // Kilobytes: less than the set below has, more than the program takes.
 const std::string kAddresses = "ulimit -v 350000 &&";
 
-class Memory : public testing::CommandRunner {
+class MemoryLimits : public testing::CommandRunner {
  protected:
   void SetUp() override {
 #ifdef GRAYBOX_SANITIZED
@@ -34,7 +34,7 @@ class Memory : public testing::CommandRunner {
   }
 };
 
-TEST_F(Memory, ALimitOfAddressesRefusesWithTheFileAndTheNeed) {
+TEST_F(MemoryLimits, ALimitOfAddressesRefusesWithTheFileAndTheNeed) {
   for (const char* command : {"solve set.h5 -o x.json", "exact set.h5 --experiments 20",
                               "problem convert set.h5 -o x.npy", "study --quick --sets set.h5"}) {
     expect_line(graybox(command, kAddresses), 2, "set.h5: needs 2.9e+08 bytes of memory");
@@ -47,7 +47,7 @@ std::string under_data_limit(int kilobytes) {
   return "ulimit -d " + std::to_string(kilobytes) + " && timeout -k 1 100";
 }
 
-TEST_F(Memory, ALimitOfDataLeavesTheNumbersInTheirFile) {
+TEST_F(MemoryLimits, ALimitOfDataLeavesTheNumbersInTheirFile) {
   ASSERT_EQ(graybox("solve set.h5 --gap 1e-6 -o plenty.json").exit_code, 0);
   const Outcome plenty = graybox("check set.h5 plenty.json --json");
   ASSERT_EQ(plenty.exit_code, 0) << plenty.err;
@@ -62,7 +62,7 @@ TEST_F(Memory, ALimitOfDataLeavesTheNumbersInTheirFile) {
   EXPECT_EQ(solved.exit_code, 0) << solved.err;
 }
 
-TEST_F(Memory, NoLimitOfDataLeavesACommandWaiting) {
+TEST_F(MemoryLimits, NoLimitOfDataLeavesACommandWaiting) {
   ASSERT_EQ(graybox("solve set.h5 --gap 1e-6 -o x.json").exit_code, 0);
   for (const int kilobytes : {20000, 80000, 120000, 250000}) {
     const std::string before = under_data_limit(kilobytes);
@@ -79,7 +79,7 @@ TEST_F(Memory, NoLimitOfDataLeavesACommandWaiting) {
   }
 }
 
-TEST_F(Memory, ASolverThatCallsBlasIsRefusedWhereItsBufferFindsNoRoom) {
+TEST_F(MemoryLimits, ASolverThatCallsBlasIsRefusedWhereItsBufferFindsNoRoom) {
   const std::string random = "problem random --family r1g --candidates 40 --dimension 3 ";
   ASSERT_EQ(graybox(random + "-o small.h5").exit_code, 0);
   for (const std::string solver : {"dual_interior_point", "primal_interior_point"}) {
