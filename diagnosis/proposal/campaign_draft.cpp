@@ -119,7 +119,7 @@ std::string preprocess_text(const CampaignDraft& draft) {
   }
   if (draft.decimation > 1) {
     text += behind(fmt::format("  - {{kind: decimate, factor: {}}}", draft.decimation),
-                   "each value is held so long");
+                   draft.decimation_reason);
   }
   for (const std::string& each : draft.computed) text += each;
   return text.empty() ? text : "preprocess:\n" + text;

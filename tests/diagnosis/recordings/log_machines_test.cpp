@@ -12,6 +12,7 @@
 
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/runs/proposed_files.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -159,6 +160,31 @@ TEST_F(LogMachines, WhatIsWantedIsNeverTheMeasuredMotion) {
     answered.columns = {column_answer(std::string(title) + "=position:rad")};
     EXPECT_NE(value_of(written({alone}, answered), "position"), "") << title;
   }
+}
+
+// ---- several logs -------------------------------------------------------------------------------
+
+// Every 10 ms and every 20 ms: all come to the slower rate, whichever log is the first.
+TEST_F(LogMachines, LogsOfSeveralRatesComeToTheSlowest) {
+  const auto file = [&](const std::string& name, double step, double size) {
+    const Motion m = moved({.step = step}, 500, [&](double t) { return size * two_sines(t); });
+    return write(name,
+                 {{"time [s]", m.time}, {"torque [N m]", m.force}, {"position [rad]", m.position}});
+  };
+  const std::string fast = file("fast.csv", 0.01, 1.0), slow = file("slow.csv", 0.02, 1.0),
+                    other = file("other.csv", 0.02, 1.2);
+  for (const std::vector<std::string>& files : {std::vector{fast, slow}, std::vector{slow, fast}}) {
+    const ModelProposal proposal = written(files);
+    const std::string& text = proposal.campaign_text;
+    EXPECT_NE(text.find("{kind: resample, sample_time: 0.01}"), std::string::npos) << text;
+    EXPECT_NE(text.find("{kind: decimate, factor: 2}"), std::string::npos) << text;
+    EXPECT_NE(notes_of(proposal).find("every 0.01 to 0.02 s"), std::string::npos)
+        << notes_of(proposal);
+    EXPECT_FALSE(proposal.is_too_short);
+  }
+  const ModelProposal alike = written({slow, other});
+  EXPECT_EQ(alike.campaign_text.find("resample"), std::string::npos) << alike.campaign_text;
+  EXPECT_EQ(notes_of(alike), "");
 }
 
 }  // namespace
