@@ -454,9 +454,10 @@ void leave_out_constant_forces(ForceBalanceData& data) {
   if (data.validation.empty()) return;
   const Eigen::MatrixXd& measured = data.validation.measured;
   if (((measured.rowwise() - measured.row(0)).array() != 0.0).any()) return;
-  data.remarks.emplace_back(
-      "no force changes in what was kept out (is the drive off there?), so it checks nothing: keep "
-      "out recordings in which the drive works");
+  const bool is_off = (measured.array() == 0.0).all();
+  data.remarks.push_back(fmt::format(
+      "{} in what was kept out, so it checks nothing: keep out recordings in which the drive {}",
+      is_off ? "no force acts" : "no force changes", is_off ? "works" : "changes"));
   data.validation = {};
 }
 

@@ -187,5 +187,24 @@ TEST_F(LogMachines, LogsOfSeveralRatesComeToTheSlowest) {
   EXPECT_EQ(notes_of(alike), "");
 }
 
+// Of three logs that go there, there and back, one that goes there is kept out.
+TEST_F(LogMachines, BothWaysStayInTheFit) {
+  std::vector<std::string> files;
+  for (const double level : {0.8, 0.6, -0.7}) {
+    const Motion m = moved({}, 119, [&](double) { return level; });
+    files.push_back(
+        write(fmt::format("step_{}.csv", level),
+              {{"time [s]", m.time}, {"voltage [V]", m.force}, {"speed [rad/s]", m.velocity}}));
+  }
+  const auto kept = [&](std::vector<std::size_t> order) {
+    std::vector<std::string> ordered;
+    for (const std::size_t k : order) ordered.push_back(files[k]);
+    return value_of(written(ordered), "kept out");
+  };
+  EXPECT_NE(kept({0, 1, 2}).find("step_0.6"), std::string::npos) << kept({0, 1, 2});
+  EXPECT_NE(kept({2, 0, 1}).find("step_0.6"), std::string::npos) << kept({2, 0, 1});
+  EXPECT_NE(kept({2, 1, 0}).find("step_0.8"), std::string::npos) << kept({2, 1, 0});
+}
+
 }  // namespace
 }  // namespace graybox
