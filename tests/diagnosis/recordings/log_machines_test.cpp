@@ -187,6 +187,21 @@ TEST_F(LogMachines, LogsOfSeveralRatesComeToTheSlowest) {
   EXPECT_EQ(notes_of(alike), "");
 }
 
+// 16 bits of microseconds: what is refused names the sample time that the steps have.
+TEST_F(LogMachines, AClockOfFewBitsIsNamed) {
+  const Motion m = moved({}, 300, two_sines);
+  const auto log = [&](double period) {
+    std::vector<double> ticks;
+    for (int k = 0; k < 300; ++k) ticks.push_back(std::fmod(5e3 + 1e4 * k + k % 3, period));
+    return write("log.csv",
+                 {{"time [us]", ticks}, {"torque [N m]", m.force}, {"position [rad]", m.position}});
+  };
+  testing::expect_refused([&] { return written({log(65536.0)}); },
+                          "the clock has 16 bits and begins anew at 2^16");
+  testing::expect_refused([&] { return written({log(65536.0)}); }, "--sample-time 0.01");
+  testing::expect_refused([&] { return written({log(5e4)}); }, "times must rise");
+}
+
 // Of three logs that go there, there and back, one that goes there is kept out.
 TEST_F(LogMachines, BothWaysStayInTheFit) {
   std::vector<std::string> files;
