@@ -219,9 +219,9 @@ constexpr auto kLetters = std::to_array<QuantityWord>({
 // How a signal came to be, and where in the machine it is.
 using Word = std::string_view;
 constexpr auto kReferenceWords = std::to_array<Word>(
-    {"ref",      "refx",    "reference", "des",      "desired",  "target",     "set",
-     "setpoint", "sp",      "goal",      "cmd",      "command",  "commanded",  "demand",
-     "soll",     "planned", "sollwert",  "consigne", "consigna", "riferimento"});
+    {"ref",      "refx",   "reference", "des",      "desired",  "target",    "set",
+     "setpoint", "sp",     "goal",      "cmd",      "command",  "commanded", "demand",
+     "soll",     "wanted", "planned",   "sollwert", "consigne", "consigna",  "riferimento"});
 constexpr auto kMeasuredWords = std::to_array<Word>(
     {"meas", "measured", "act", "actual", "adx", "ad", "fb", "fbk", "feedback", "ist", "sensor",
      "istwert", "gemessen", "mesure", "mesuree", "medida", "misurata"});

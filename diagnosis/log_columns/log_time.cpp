@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -71,12 +72,57 @@ bool counts_ticks(const std::string& title) {
   });
 }
 
+// A counter of few bits that begins anew at its end: with its period added no fall is left, and
+// these steps are as the others. `step`: the mean, in the unit of the column.
+struct WrappedClock {
+  double step = 0.0;
+  int bits = 0;
+};
+
+std::optional<WrappedClock> wrapped_clock(const LogColumn& column) {
+  constexpr std::array kBits{8, 16, 32};
+  const Eigen::VectorXd counts = column.values / column.words.unit_factor;
+  const bool is_whole = counts.allFinite() && (counts.array() == counts.array().round()).all();
+  if (!is_whole || counts.minCoeff() < 0.0) return {};
+  for (const int bits : kBits) {
+    const double period = std::exp2(bits);
+    if (counts.maxCoeff() >= period) continue;
+    Eigen::VectorXd whole = counts;
+    for (Eigen::Index k = 1; k < whole.size(); ++k) {
+      whole(k) = whole(k - 1) + std::fmod(counts(k) - counts(k - 1) + period, period);
+    }
+    const Eigen::VectorXd steps = steps_of(whole);
+    const double median = quantile(steps, 0.5);
+    const Eigen::ArrayXd at_falls = (steps_of(counts).array() < 0.0).select(steps.array(), median);
+    if (at_falls.minCoeff() < 0.5 * median || at_falls.maxCoeff() > 1.5 * median) continue;
+    const double way = whole(whole.size() - 1) - whole(0);
+    return WrappedClock{column.words.unit_factor * way / static_cast<double>(whole.size() - 1),
+                        bits};
+  }
+  return {};
+}
+
+// A counter that wraps: its rows are as even as its steps.
+void refuse_wrapped_clock(const LogRecording& recording, const LogColumn& column) {
+  const std::optional<WrappedClock> clock = wrapped_clock(column);
+  if (!clock) return;
+  const Unit* unit = find_unit(column.words.unit);
+  const double seconds = unit == nullptr || unit->base != "s" ? 0.0 : unit->factor;
+  throw InputError(fmt::format(
+      "{}: column '{}': the clock has {} bits and begins anew at 2^{}, {:.6g} of its unit from row "
+      "to row: say --column '{}=ignore' --sample-time {}, or add 2^{} behind each fall in the file",
+      recording.files[column.file].string(), column.name, clock->bits, clock->bits, clock->step,
+      column.name, seconds > 0.0 ? fmt::format("{:.6g}", seconds * clock->step) : "S",
+      clock->bits));
+}
+
 // Rows in the message are those of the file, from 1.
 [[noreturn]] void refuse_times(const LogRecording& recording, const LogColumn& column) {
   const std::string file = recording.files[column.file].string();
   const Eigen::VectorXd& times = column.values;
   const Eigen::Index row = recording.file_row(first_fall(times)) + 1;
   if (!stands_still(times)) {
+    refuse_wrapped_clock(recording, column);
     throw InputError(fmt::format(
         "{}: column '{}': times must rise, and after row {} they don't. Where another run begins "
         "there, cut the file in two behind that row and give both; else say --column '{}=ignore' "

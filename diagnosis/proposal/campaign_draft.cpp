@@ -119,7 +119,7 @@ std::string preprocess_text(const CampaignDraft& draft) {
   }
   if (draft.decimation > 1) {
     text += behind(fmt::format("  - {{kind: decimate, factor: {}}}", draft.decimation),
-                   "each value is held so long");
+                   draft.decimation_reason);
   }
   for (const std::string& each : draft.computed) text += each;
   return text.empty() ? text : "preprocess:\n" + text;
@@ -141,6 +141,43 @@ int way_of(const Eigen::VectorXd& motion, bool is_velocity) {
   if (!(forwards + backwards > 0.0)) return 0;
   if (std::min(forwards, backwards) > kBack * (forwards + backwards)) return 0;
   return forwards > backwards ? 1 : -1;
+}
+
+// Bits: 1 forwards, 2 backwards, of all that moves in a recording; 0 where it stands.
+int ways_in(const DraftExperiment& each, const std::vector<LogRecording>& recordings,
+            const std::vector<const LogColumn*>& columns, bool are_velocities) {
+  int ways = 0;
+  for (const LogColumn* column : columns) {
+    if (column == nullptr) continue;
+    const LogColumn& here = recordings[each.recording].at(column->file, column->name);
+    if (here.values.maxCoeff() <= here.values.minCoeff()) continue;
+    const int way = way_of(without_gaps(here.values).segment(each.first, each.last - each.first),
+                           are_velocities);
+    ways |= way > 0 ? 1 : way < 0 ? 2 : 3;
+  }
+  return ways;
+}
+
+// The last recording whose loss leaves the fit all ways that the recordings go; else the last.
+std::size_t kept_out_of(const std::vector<DraftExperiment>& experiments,
+                        const std::vector<LogRecording>& recordings,
+                        const std::vector<const LogColumn*>& columns, bool are_velocities) {
+  const std::size_t last = experiments.size() - 1;
+  if (experiments.size() < 3) return last;
+  std::vector<int> ways;
+  for (const DraftExperiment& each : experiments) {
+    ways.push_back(ways_in(each, recordings, columns, are_velocities));
+  }
+  const auto without = [&](std::size_t left_out) {
+    int all = 0;
+    for (std::size_t k = 0; k < ways.size(); ++k) all |= k == left_out ? 0 : ways[k];
+    return all;
+  };
+  const int all = without(experiments.size());
+  for (std::size_t k = experiments.size(); k-- > 0;) {
+    if (ways[k] != 0 && without(k) == all) return k;
+  }
+  return last;
 }
 
 // Whether each motion goes one way in the fit, and the other way in what is kept out: then dry
@@ -274,7 +311,7 @@ std::vector<DraftExperiment> draft_experiments(const std::vector<LogRecording>& 
   }
   if (plan == SplitPlan::kNoValidation) return experiments;
   if (experiments.size() > 1) {
-    experiments.back().is_validation = true;
+    experiments[kept_out_of(experiments, recordings, columns, are_velocities)].is_validation = true;
     if (plan == SplitPlan::kMostInFit ||
         !go_opposite_ways(experiments, recordings, columns, are_velocities)) {
       return experiments;

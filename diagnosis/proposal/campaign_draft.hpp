@@ -52,7 +52,8 @@ struct CampaignDraft {
   std::vector<std::string> gapped;    // channels with values that are no numbers
   std::optional<double> low_pass;     // Hz
   std::string low_pass_reason;
-  Eigen::Index decimation = 1;  // of even samples without a column of times
+  Eigen::Index decimation = 1;  // behind the low-pass
+  std::string decimation_reason = "each value is held so long";
   bool keeps_standstill = false;
   std::string hold = "zero", hold_reason = {};
   std::vector<DraftExperiment> experiments;
@@ -70,9 +71,10 @@ inline constexpr const char* kOppositeWays =
                                         const std::filesystem::path& folder);
 
 // What each recording gives to the fit and to its check, by the plan. `columns` are the motions
-// that decide what moves, of the first recording. Where all of them go one way in the fit and the
-// other way in the recording kept out, both recordings are cut into parts, and each role has parts
-// of both; there are more experiments than recordings then.
+// that decide what moves, of the first recording. Of three or more recordings the last one is kept
+// out whose loss leaves both ways to the fit, where they go both. Where all of two go one way in
+// the fit and the other way in the recording kept out, both are cut into parts, and each role has
+// parts of both; there are more experiments than recordings then.
 [[nodiscard]] std::vector<DraftExperiment> draft_experiments(
     const std::vector<LogRecording>& recordings, const std::vector<const LogColumn*>& columns,
     bool are_velocities, double sample_time, SplitPlan plan = SplitPlan::kMovingHalves);

@@ -197,6 +197,8 @@ bool is_guessed_switch(const LogColumn& column) {
   return different.size() <= kFewValues || jumps_between_levels(values);
 }
 
+bool is_wanted(const LogColumn& column) { return column.words.is_reference && !column.answered; }
+
 double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   if (a.size() != b.size()) return 0.0;
   const Eigen::ArrayXd x = a.array() - a.mean(), y = b.array() - b.mean();
@@ -252,7 +254,9 @@ ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns,
 
 ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns, LogQuantity quantity) {
   std::vector<const LogColumn*> moving = moving_columns(columns, quantity);
-  std::erase_if(moving, [](const LogColumn* column) { return is_guessed_switch(*column); });
+  std::erase_if(moving, [](const LogColumn* column) {
+    return is_wanted(*column) || is_guessed_switch(*column);
+  });
   if (moving.empty()) return {};
   const std::vector<const LogColumn*> best = best_of(moving);
   if (best.size() == 1 || are_copies(best)) {

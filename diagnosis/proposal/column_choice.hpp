@@ -29,10 +29,13 @@ struct ColumnChoice {
 [[nodiscard]] ColumnChoice choose_drive(const std::vector<const LogColumn*>& columns,
                                         const std::vector<LogRecording>& recordings);
 
-// Chooses among columns of one quantity: measured before reference, raw before filtered. Where two
-// describe one motion without such words, the later one is measured.
+// Chooses among columns of one quantity: raw before filtered, and none that is_wanted. Where two
+// describe one motion without words for it, the later one is measured.
 [[nodiscard]] ColumnChoice choose_measured(const std::vector<const LogColumn*>& columns,
                                            LogQuantity quantity);
+
+// A reference by its title, of which the user said nothing: it is never what was measured.
+[[nodiscard]] bool is_wanted(const LogColumn& column);
 
 // A letter's guess that has no more than five values, or jumps between two levels as a switch does:
 // it is no motion of a machine.

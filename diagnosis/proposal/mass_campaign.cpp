@@ -198,7 +198,11 @@ class MassCampaign {
     if (!is_one && draft_.experiments.size() > machine_.recordings.size()) {
       add_guess(proposal_, "kept out", "every second part of each recording", kOppositeWays);
     } else if (!is_one) {
-      add_guess(proposal_, "kept out", machine_.recordings.back().label(), "checks the fit");
+      const auto kept =
+          std::ranges::find(draft_.experiments, true, &DraftExperiment::is_validation);
+      const bool is_last = kept->recording + 1 == machine_.recordings.size();
+      add_guess(proposal_, "kept out", machine_.recordings[kept->recording].label(),
+                is_last ? "checks the fit" : "checks the fit, which has both ways without it");
     } else if (machine_.request.split == SplitPlan::kMostInFit) {
       add_guess(proposal_, "kept out", "the last quarter", "checks the fit; " + few);
     } else if (blocks_.count > 2) {

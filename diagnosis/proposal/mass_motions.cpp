@@ -110,7 +110,8 @@ class MotionSearch {
     std::erase(left, machine_.drive);
     for (const LogQuantity quantity : {LogQuantity::kPosition, LogQuantity::kVelocity}) {
       for (const LogColumn* column : moving_columns(machine_.columns, quantity)) {
-        if (!is_guessed_switch(*column)) continue;
+        if (is_wanted(*column)) left.push_back(column);
+        if (is_wanted(*column) || !is_guessed_switch(*column)) continue;
         left.push_back(column);
         proposal_.notes.push_back(fmt::format(
             "'{}' jumps between few values, as a switch does: it is not taken for the motion, "
@@ -145,12 +146,16 @@ class MotionSearch {
       (is_motor ? motor : is_load ? load : open).push_back(column);
     }
     const auto count = [](const Columns& columns) {
-      return moving_columns(columns, LogQuantity::kPosition).size() +
-             moving_columns(columns, LogQuantity::kVelocity).size();
+      Columns moving = moving_columns(columns, LogQuantity::kPosition);
+      const Columns velocities = moving_columns(columns, LogQuantity::kVelocity);
+      moving.insert(moving.end(), velocities.begin(), velocities.end());
+      return std::ranges::count_if(moving,
+                                   [](const LogColumn* column) { return !is_wanted(*column); });
     };
     if (count(motor) == 0 && count(load) == 0) split_by_data(open, motor, load);
-    if (count(motor) == 0) motor.insert(motor.end(), open.begin(), open.end());
-    if (count(motor) > 0 && count(load) == 0 && count(open) > 0 && motor.size() != open.size()) {
+    if (count(motor) == 0) {
+      motor.insert(motor.end(), open.begin(), open.end());
+    } else if (count(load) == 0 && count(open) > 0) {
       load = open;
     }
     take_motion(choose_motion(motor, context), "motor");

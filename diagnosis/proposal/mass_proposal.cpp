@@ -41,7 +41,7 @@ ModelProposal propose_masses(const ProposalRequest& request,
   ModelProposal proposal;
   add_guess(proposal, "model", machine.has_two ? "two masses and a spring" : "one mass",
             request.machine_reason);
-  find_times(machine, draft.time, proposal);
+  find_times(machine, draft, proposal);
   find_drive(machine, proposal);
   find_motions(machine, draft.time, proposal);
   take_held_values(machine, draft, proposal);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -9,6 +11,14 @@
 
 namespace graybox {
 namespace {
+
+constexpr double kBelow = 0.4;  // of a slower rate
+
+// Before samples are left out.
+void pass_below(double sample_time, CampaignDraft& draft) {
+  draft.low_pass = std::stod(fmt::format("{:.3g}", kBelow / sample_time));
+  draft.low_pass_reason = "before samples are left out";
+}
 
 // Ticks of a clock that were not taken for the time.
 void doubt_even_rows(const LogRecording& log, double sample_time, ModelProposal& proposal) {
@@ -49,7 +59,7 @@ void hold_as_measured(const MassMachine& machine, CampaignDraft& draft) {
 
 // A motion that was measured at a slower rate than logged: one of so many samples is taken.
 void take_held_motion(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
-  if (!(draft.time.sample_time > 0.0)) return;
+  if (!(draft.time.sample_time > 0.0) || draft.decimation > 1) return;
   for (const MotionChoice& motion : machine.motions) {
     if (motion.column == nullptr) continue;
     const std::optional<HeldValues> held = find_held_values(without_gaps(motion.column->values));
@@ -60,10 +70,8 @@ void take_held_motion(MassMachine& machine, CampaignDraft& draft, ModelProposal&
     draft.time.sample_time =
         rounded_step(static_cast<double>(held->samples) * draft.time.sample_time);
     if (draft.time.column.empty()) {
-      constexpr double kBelow = 0.4;  // of the slower rate
       draft.decimation = held->samples;
-      draft.low_pass = std::stod(fmt::format("{:.3g}", kBelow / draft.time.sample_time));
-      draft.low_pass_reason = "before samples are left out";
+      pass_below(draft.time.sample_time, draft);
     } else {
       draft.time.is_even = false;
       draft.time.of_step = "one of so many samples";
@@ -88,10 +96,61 @@ void note_held_drive(const MassMachine& machine, const LogTime& time, ModelPropo
       rounded_step(static_cast<double>(held->samples) * time.sample_time), time.sample_time));
 }
 
+// The mean step of a log by the clock of the first one, s; 0: it has no such clock.
+double step_by_clock(const LogRecording& log, const LogTime& time, bool& is_even) {
+  const auto clock = std::ranges::find_if(log.columns, [&](const LogColumn& column) {
+    return column.file == time.file && column.name == time.column;
+  });
+  if (clock == log.columns.end() || clock->values.size() < 2) return 0.0;
+  const LogTime own = find_time(log, {});
+  if (own.column != time.column) return 0.0;
+  is_even = own.is_even;
+  const auto steps = static_cast<double>(clock->values.size() - 1);
+  const double span = clock->values(clock->values.size() - 1) - clock->values(0);
+  return time.seconds() * (own.is_even ? span / steps : own.median_step);
+}
+
+// Logs of several rates: all are resampled to that of the fastest, which folds nothing. Of these
+// samples one of so many is taken, as the slowest has.
+void take_one_rate(const MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  LogTime& time = draft.time;
+  const bool is_known = !time.column.empty() && time.seconds() > 0.0 && time.sample_time > 0.0;
+  if (!is_known || machine.request.sample_time) return;
+  double slowest = time.sample_time, fastest = time.sample_time;
+  bool are_even = time.is_even;
+  for (const LogRecording& log : machine.recordings) {
+    bool is_even = true;
+    const double step = step_by_clock(log, time, is_even);
+    if (!(step > 0.0)) continue;
+    slowest = std::max(slowest, step);
+    fastest = std::min(fastest, step);
+    are_even = are_even && is_even;
+  }
+  // Uneven logs come to the sample time of the first already, unless that folds another one.
+  constexpr double kOneEven = 1.001, kOneUneven = 1.5;
+  const bool is_one =
+      time.is_even ? slowest < kOneEven * fastest : time.sample_time < kOneUneven * fastest;
+  if (is_one && are_even == time.is_even) return;
+  time.is_even = false;
+  if (is_one) return;
+  time.sample_time = rounded_step(fastest);
+  time.of_step = "the fastest of the logs";
+  draft.decimation = static_cast<Eigen::Index>(std::floor(kOneEven * slowest / fastest));
+  const double taken = rounded_step(static_cast<double>(draft.decimation) * time.sample_time);
+  draft.decimation_reason = "the slowest of the logs";
+  if (draft.decimation > 1) pass_below(taken, draft);
+  proposal.notes.push_back(fmt::format(
+      "the logs have samples every {:g} to {:g} s: all are resampled to {:g} s (say --column "
+      "'{}=ignore' --sample-time S if a clock is wrong)",
+      rounded_step(fastest), rounded_step(slowest), taken, time.column));
+}
+
 }  // namespace
 
-void find_times(MassMachine& machine, LogTime& time, ModelProposal& proposal) {
+void find_times(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  LogTime& time = draft.time;
   time = find_time(machine.log, machine.request.sample_time);
+  if (machine.recordings.size() > 1) take_one_rate(machine, draft, proposal);
   for (const LogColumn& column : machine.log.columns) {
     const bool is_time = column.name == time.column && column.file == time.file;
     if (!is_time && column.words.quantity != LogQuantity::kTime) machine.columns.push_back(&column);

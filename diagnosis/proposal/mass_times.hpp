@@ -13,7 +13,7 @@
 namespace graybox {
 
 // The times, and the machine's columns, which are all others.
-void find_times(MassMachine& machine, LogTime& time, ModelProposal& proposal);
+void find_times(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal);
 
 // Where the motion was measured at a slower rate than logged one of so many samples is taken. What
 // drives is held between samples or goes on, as it was measured.

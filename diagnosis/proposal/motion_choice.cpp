@@ -483,11 +483,7 @@ MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
                            const MotionContext& context) {
   MotionChoice choice;
   const ColumnChoice position = choose_measured(columns, LogQuantity::kPosition);
-  ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
-  // What is wanted of a speed says nothing of a position's unit.
-  const bool is_wanted = velocity.column != nullptr && velocity.column->words.is_reference &&
-                         !velocity.column->answered;
-  if (position.column != nullptr && is_wanted) velocity = {};
+  const ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
   if (!position.rivals.empty()) {
     choice.questions.push_back(which_of(position.rivals, "measured position"));
     choice.column = position.rivals.front();

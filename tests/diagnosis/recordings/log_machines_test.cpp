@@ -1,0 +1,225 @@
+// Which machine `graybox model` makes of a log: every proposal can be read again, and what is
+// measured or wanted is told apart. All logs are simulated here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/proposal/proposal.hpp"
+#include "diagnosis/runs/proposed_files.hpp"
+#include "tests/support/refusal.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Column = std::pair<std::string, std::vector<double>>;
+
+// J v' = u - b v - c sign(v), at even times.
+struct Machine {
+  double step = 0.01, inertia = 0.02, damping = 0.05, dry = 0.1;
+};
+
+struct Motion {
+  std::vector<double> time, position, velocity, force;
+};
+
+Motion moved(const Machine& machine, int samples, const std::function<double(double)>& drive) {
+  constexpr int kSteps = 50;
+  Motion result;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < samples; ++k) {
+    const double t = machine.step * k, u = drive(t);
+    result.time.push_back(t);
+    result.position.push_back(q);
+    result.velocity.push_back(v);
+    result.force.push_back(u);
+    for (int s = 0; s < kSteps; ++s) {
+      const double rest = u - machine.damping * v - machine.dry * std::tanh(v / 0.01);
+      v += rest / machine.inertia * machine.step / kSteps;
+      q += v * machine.step / kSteps;
+    }
+  }
+  return result;
+}
+
+double two_sines(double t) { return 0.6 * std::sin(2.0 * t) + 0.3 * std::sin(5.1 * t + 1.0); }
+
+std::vector<double> mapped(const std::vector<double>& values,
+                           const std::function<double(double)>& change) {
+  std::vector<double> result;
+  for (const double value : values) result.push_back(change(value));
+  return result;
+}
+
+class LogMachines : public ::testing::Test {
+ protected:
+  std::string write(const std::string& name, const std::vector<Column>& columns) {
+    std::string text;
+    for (const Column& column : columns) text += (text.empty() ? "" : ",") + column.first;
+    text += "\n";
+    for (std::size_t k = 0; k < columns.front().second.size(); ++k) {
+      for (std::size_t c = 0; c < columns.size(); ++c) {
+        text += fmt::format("{}{:.9g}", c == 0 ? "" : ",", columns[c].second[k]);
+      }
+      text += "\n";
+    }
+    testing::write_text(folder_.file(name), text);
+    return folder_.file(name);
+  }
+
+  // As the command proposes and writes it.
+  ModelProposal written(const std::vector<std::string>& files, ProposalRequest request = {}) {
+    if (request.machine == ProposedMachine::kOpen) request.machine = ProposedMachine::kOneMass;
+    return written_as_asked(files, std::move(request));
+  }
+  ModelProposal written_as_asked(const std::vector<std::string>& files, ProposalRequest request) {
+    for (const std::string& file : files) request.logs.emplace_back(file);
+    request.folder = folder_.file("axis");
+    ModelProposal proposal = propose_model(request);
+    (void)write_proposal(request, proposal);
+    return proposal;
+  }
+
+  static std::string value_of(const ModelProposal& proposal, const std::string& subject) {
+    for (const ProposedGuess& guess : proposal.guesses) {
+      if (guess.subject == subject) return guess.value + "; " + guess.reason;
+    }
+    return "";
+  }
+  static std::string questions_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const OpenQuestion& each : proposal.questions) text += each.text + each.option + "\n";
+    return text;
+  }
+  static std::string notes_of(const ModelProposal& proposal) {
+    std::string text;
+    for (const std::string& note : proposal.notes) text += note + "\n";
+    return text;
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+// ---- what is proposed can be read ---------------------------------------------------------------
+
+// Whatever the titles are: the reader of campaigns and models takes what was written.
+TEST_F(LogMachines, EveryProposalIsReadByItsOwnReader) {
+  const Motion m = moved({}, 400, two_sines);
+  const std::vector<double> lagging = mapped(m.position, [](double q) { return 0.8 * q + 0.1; });
+  const std::vector<std::vector<Column>> motions{
+      {{"position", m.position}, {"velocity", m.velocity}},
+      {{"position", m.position}},
+      {{"velocity", m.velocity}},
+      {{"motor_position", m.position}, {"velocity", m.velocity}},
+      {{"load_position", m.position}, {"velocity", m.velocity}},
+      {{"motor_position", m.position}, {"load_position", lagging}},
+      {{"position", m.position}, {"load_velocity", m.velocity}},
+      {{"position_1", m.position}, {"position_2", lagging}}};
+  for (const char* drive : {"torque", "current", "motor_torque", "motor_current", "load_torque",
+                            "motor_voltage", "command", "joint_torque", "u", "load_current"}) {
+    for (const std::vector<Column>& motion : motions) {
+      for (const ProposedMachine machine :
+           {ProposedMachine::kOneMass, ProposedMachine::kTwoMasses, ProposedMachine::kOpen}) {
+        std::vector<Column> columns{{"time [s]", m.time}, {drive, m.force}};
+        columns.insert(columns.end(), motion.begin(), motion.end());
+        ProposalRequest request;
+        request.machine = machine;
+        EXPECT_NO_THROW(written_as_asked({write("log.csv", columns)}, request))
+            << drive << " beside " << motion.front().first << ", " << motion.back().first
+            << ", machine " << static_cast<int>(machine);
+      }
+    }
+  }
+}
+
+// ---- what is wanted was not measured ------------------------------------------------------------
+
+TEST_F(LogMachines, WhatIsWantedIsNeverTheMeasuredMotion) {
+  const Motion m = moved({}, 600, two_sines);
+  const std::vector<double> wanted = mapped(m.position, [](double q) { return 1.1 * q + 0.01; });
+  for (const char* title : {"position_des", "q_ref [rad]", "target position", "pos cmd",
+                            "goal_position", "position sp", "wanted position", "desired angle"}) {
+    const std::string log = write("log.csv", {{"time [s]", m.time},
+                                              {"torque [N m]", m.force},
+                                              {title, wanted},
+                                              {"velocity [rad/s]", m.velocity}});
+    const ModelProposal proposal = written({log});
+    EXPECT_NE(value_of(proposal, "velocity").find("'velocity"), std::string::npos) << title;
+    EXPECT_EQ(value_of(proposal, "position"), "") << title;
+    // Alone it is asked about, and is what the user says.
+    const std::string alone =
+        write("alone.csv", {{"time [s]", m.time}, {"torque [N m]", m.force}, {title, wanted}});
+    EXPECT_NE(questions_of(written({alone})).find("measured position"), std::string::npos) << title;
+    ProposalRequest answered;
+    answered.columns = {column_answer(std::string(title) + "=position:rad")};
+    EXPECT_NE(value_of(written({alone}, answered), "position"), "") << title;
+  }
+}
+
+// ---- several logs -------------------------------------------------------------------------------
+
+// Every 10 ms and every 20 ms: all come to the slower rate, whichever log is the first.
+TEST_F(LogMachines, LogsOfSeveralRatesComeToTheSlowest) {
+  const auto file = [&](const std::string& name, double step, double size) {
+    const Motion m = moved({.step = step}, 500, [&](double t) { return size * two_sines(t); });
+    return write(name,
+                 {{"time [s]", m.time}, {"torque [N m]", m.force}, {"position [rad]", m.position}});
+  };
+  const std::string fast = file("fast.csv", 0.01, 1.0), slow = file("slow.csv", 0.02, 1.0),
+                    other = file("other.csv", 0.02, 1.2);
+  for (const std::vector<std::string>& files : {std::vector{fast, slow}, std::vector{slow, fast}}) {
+    const ModelProposal proposal = written(files);
+    const std::string& text = proposal.campaign_text;
+    EXPECT_NE(text.find("{kind: resample, sample_time: 0.01}"), std::string::npos) << text;
+    EXPECT_NE(text.find("{kind: decimate, factor: 2}"), std::string::npos) << text;
+    EXPECT_NE(notes_of(proposal).find("every 0.01 to 0.02 s"), std::string::npos)
+        << notes_of(proposal);
+    EXPECT_FALSE(proposal.is_too_short);
+  }
+  const ModelProposal alike = written({slow, other});
+  EXPECT_EQ(alike.campaign_text.find("resample"), std::string::npos) << alike.campaign_text;
+  EXPECT_EQ(notes_of(alike), "");
+}
+
+// 16 bits of microseconds: what is refused names the sample time that the steps have.
+TEST_F(LogMachines, AClockOfFewBitsIsNamed) {
+  const Motion m = moved({}, 300, two_sines);
+  const auto log = [&](double period) {
+    std::vector<double> ticks;
+    for (int k = 0; k < 300; ++k) ticks.push_back(std::fmod(5e3 + 1e4 * k + k % 3, period));
+    return write("log.csv",
+                 {{"time [us]", ticks}, {"torque [N m]", m.force}, {"position [rad]", m.position}});
+  };
+  testing::expect_refused([&] { return written({log(65536.0)}); },
+                          "the clock has 16 bits and begins anew at 2^16");
+  testing::expect_refused([&] { return written({log(65536.0)}); }, "--sample-time 0.01");
+  testing::expect_refused([&] { return written({log(5e4)}); }, "times must rise");
+}
+
+// Of three logs that go there, there and back, one that goes there is kept out.
+TEST_F(LogMachines, BothWaysStayInTheFit) {
+  std::vector<std::string> files;
+  for (const double level : {0.8, 0.6, -0.7}) {
+    const Motion m = moved({}, 119, [&](double) { return level; });
+    files.push_back(
+        write(fmt::format("step_{}.csv", level),
+              {{"time [s]", m.time}, {"voltage [V]", m.force}, {"speed [rad/s]", m.velocity}}));
+  }
+  const auto kept = [&](std::vector<std::size_t> order) {
+    std::vector<std::string> ordered;
+    for (const std::size_t k : order) ordered.push_back(files[k]);
+    return value_of(written(ordered), "kept out");
+  };
+  EXPECT_NE(kept({0, 1, 2}).find("step_0.6"), std::string::npos) << kept({0, 1, 2});
+  EXPECT_NE(kept({2, 0, 1}).find("step_0.6"), std::string::npos) << kept({2, 0, 1});
+  EXPECT_NE(kept({2, 1, 0}).find("step_0.8"), std::string::npos) << kept({2, 1, 0});
+}
+
+}  // namespace
+}  // namespace graybox
