@@ -13,7 +13,7 @@ namespace graybox::bench {
 // kernels, commit, load, date. Whatever can't be found out is an empty string.
 [[nodiscard]] nlohmann::json describe_environment();
 
-// The same with the solvers that are not here, in the field `absent`; and those of a row.
+// The environment with the solvers that are not here, in the field `absent`; and those of a row.
 [[nodiscard]] nlohmann::json describe_environment(const std::vector<AbsentSolver>& absent);
 [[nodiscard]] std::vector<AbsentSolver> absent_solvers(const nlohmann::json& environment);
 

@@ -48,7 +48,7 @@ bool has_regular_steps(const Eigen::VectorXd& values) {
   return 100 * off < values.size();
 }
 
-// Of one size but for the digits that are written.
+// The steps are of one size but for the digits that are written.
 bool has_equal_steps(const Eigen::VectorXd& values) {
   constexpr double kWritten = 0.02;  // of a step
   const double step =

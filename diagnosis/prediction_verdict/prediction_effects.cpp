@@ -175,17 +175,21 @@ void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& with
   effect.rivals.push_back(std::move(rival));
 }
 
-// A weight in place of a spring, which everybody asks for.
-void PredictionEffects::add_weight(std::size_t law, FoundEffect& effect) const {
-  const JudgedModel weight = from_.final->weight_in_place_of(law);
-  if (!weight.fit.usable) return;
-  const PlacedFinding& placed = weight.fit.model.laws.back();
+// The last law of a fit in place of the one found, as a rival or excluded.
+void PredictionEffects::add_exchanged(const JudgedModel& exchanged, FoundEffect& effect) const {
+  if (!exchanged.fit.usable) return;
+  const PlacedFinding& placed = exchanged.fit.model.laws.back();
   if (is_named(placed.hypothesis, effect)) return;
-  const double z = from_.final->z_over(weight);
+  const double z = from_.final->z_over(exchanged);
   Rival rival;
-  rival.law = fitted_law(weight.fit.model, placed, nullptr);
+  rival.law = fitted_law(exchanged.fit.model, placed, nullptr);
   rival.bic_difference = z * std::abs(z);
   (z < kExcluded ? effect.rivals : effect.excluded).push_back(std::move(rival));
+}
+
+// A weight in place of a spring, which everybody asks for.
+void PredictionEffects::add_weight(std::size_t law, FoundEffect& effect) const {
+  add_exchanged(from_.final->weight_in_place_of(law), effect);
 }
 
 // At steady speeds a drive that gives less and less is a drag that grows with the square of speed.
@@ -197,13 +201,7 @@ void PredictionEffects::add_bent_drive_or_drag(const JudgedModel& without,
   const std::string other = found == "quadratic_drag" ? "curved_gain" : "quadratic_drag";
   for (std::size_t h = 0; h < all.size(); ++h) {
     if (all[h].law != other || is_found(h) || is_named(h, effect)) continue;
-    const JudgedModel exchanged = from_.final->with_law(without, h);
-    if (!exchanged.fit.usable) continue;
-    const double z = from_.final->z_over(exchanged);
-    Rival rival;
-    rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
-    rival.bic_difference = z * std::abs(z);
-    (z < kExcluded ? effect.rivals : effect.excluded).push_back(std::move(rival));
+    add_exchanged(from_.final->with_law(without, h), effect);
   }
 }
 

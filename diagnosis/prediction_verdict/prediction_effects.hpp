@@ -36,6 +36,7 @@ class PredictionEffects {
   void add_rivals_elsewhere(std::size_t found, const JudgedModel& without,
                             FoundEffect& effect) const;
   void add_if_stands(std::size_t other, const JudgedModel& without, FoundEffect& effect) const;
+  void add_exchanged(const JudgedModel& exchanged, FoundEffect& effect) const;
   void add_weight(std::size_t law, FoundEffect& effect) const;
   void add_bent_drive_or_drag(const JudgedModel& without, FoundEffect& effect) const;
   void add_richer_friction(std::size_t law, FoundEffect& effect) const;

@@ -27,7 +27,8 @@ struct DriveWorkBothWays {
   DriveWorkBothWays& operator+=(const DriveWorkBothWays& other);  // of another recording
 };
 
-// Of evenly sampled signals of equal length. Samples that hardly move or are missing do not count.
+// The signals are sampled evenly and of equal length. Samples that hardly move or are missing do
+// not count.
 // Displacements are taken over as many samples as noise and counts ask for. Cost O(n).
 [[nodiscard]] DriveWorkBothWays drive_work(const Eigen::VectorXd& force,
                                            const Eigen::VectorXd& motion, bool is_velocity);

@@ -24,7 +24,7 @@ std::size_t limit_of(decltype(RLIMIT_AS) resource) {
   return bounds.rlim_cur;
 }
 
-// Of a limit of this process, whose use /proc/self/status has under `name` in kilobytes.
+// What is left of a limit of this process: /proc/self/status has its use under `name`, in kB.
 std::size_t left_of(decltype(RLIMIT_AS) resource, const char* name) {
   const std::size_t limit = limit_of(resource);
   if (limit == kNoLimit) return kNoLimit;

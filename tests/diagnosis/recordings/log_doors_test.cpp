@@ -20,6 +20,7 @@
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
 #include "diagnosis/signal_faults/written_bursts.hpp"
+#include "tests/support/proposal_words.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -69,7 +70,7 @@ std::string table_of(const std::vector<TitledColumn>& columns, const std::string
   return text;
 }
 
-class LogDoors : public ::testing::Test {
+class LogDoors : public ::testing::Test, protected testing::ProposalWords {
  protected:
   RecordingFile read(const std::string& text) {
     testing::write_text(folder_.file("read.csv"), text);
@@ -89,20 +90,6 @@ class LogDoors : public ::testing::Test {
     std::filesystem::create_directories(folder_.file("axis"));
     testing::write_text(folder_.file("axis/campaign.yaml"), proposal.campaign_text);
     return load_experiment(read_campaign(folder_.file("axis/campaign.yaml")), 0);
-  }
-  static std::string all_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const OpenQuestion& each : proposal.questions) {
-      text += "open: " + each.text + " (" + each.option + ")\n";
-    }
-    for (const std::string& note : proposal.notes) text += "note: " + note + "\n";
-    for (const ProposedGuess& each : proposal.guesses) {
-      text += each.subject + ": " + each.value + "; " + each.reason + "\n";
-    }
-    return text;
-  }
-  static bool says(const ModelProposal& proposal, const std::string& part) {
-    return all_of(proposal).find(part) != std::string::npos;
   }
 
   testing::TemporaryFolder folder_;

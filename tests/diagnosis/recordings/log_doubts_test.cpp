@@ -18,6 +18,7 @@
 #include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/runs/proposed_files.hpp"
+#include "tests/support/proposal_words.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -55,7 +56,7 @@ Axis axis(int samples, double step, double weight = 0.0) {
 
 using Column = std::pair<std::string, std::vector<double>>;
 
-class LogDoubts : public ::testing::Test {
+class LogDoubts : public ::testing::Test, protected testing::ProposalWords {
  protected:
   std::string write(const std::string& name, const std::vector<Column>& columns) {
     std::string text;
@@ -91,23 +92,6 @@ class LogDoubts : public ::testing::Test {
     ModelProposal proposal = propose_model(request);
     findings_ = write_proposal(request, proposal);
     return proposal;
-  }
-
-  static std::string value_of(const ModelProposal& proposal, const std::string& subject) {
-    for (const ProposedGuess& guess : proposal.guesses) {
-      if (guess.subject == subject) return guess.value + "; " + guess.reason;
-    }
-    return "";
-  }
-  static std::string questions_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const OpenQuestion& each : proposal.questions) text += each.text + each.option + "\n";
-    return text;
-  }
-  static std::string notes_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const std::string& note : proposal.notes) text += note + "\n";
-    return text;
   }
 
   testing::TemporaryFolder folder_;

@@ -12,6 +12,7 @@
 
 #include "diagnosis/proposal/proposal.hpp"
 #include "diagnosis/runs/proposed_files.hpp"
+#include "tests/support/proposal_words.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -57,7 +58,7 @@ std::vector<double> mapped(const std::vector<double>& values,
   return result;
 }
 
-class LogMachines : public ::testing::Test {
+class LogMachines : public ::testing::Test, protected testing::ProposalWords {
  protected:
   std::string write(const std::string& name, const std::vector<Column>& columns) {
     std::string text;
@@ -84,23 +85,6 @@ class LogMachines : public ::testing::Test {
     ModelProposal proposal = propose_model(request);
     (void)write_proposal(request, proposal);
     return proposal;
-  }
-
-  static std::string value_of(const ModelProposal& proposal, const std::string& subject) {
-    for (const ProposedGuess& guess : proposal.guesses) {
-      if (guess.subject == subject) return guess.value + "; " + guess.reason;
-    }
-    return "";
-  }
-  static std::string questions_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const OpenQuestion& each : proposal.questions) text += each.text + each.option + "\n";
-    return text;
-  }
-  static std::string notes_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const std::string& note : proposal.notes) text += note + "\n";
-    return text;
   }
 
   testing::TemporaryFolder folder_;
@@ -202,7 +186,7 @@ TEST_F(LogMachines, AClockOfFewBitsIsNamed) {
   testing::expect_refused([&] { return written({log(5e4)}); }, "times must rise");
 }
 
-// Of three logs that go there, there and back, one that goes there is kept out.
+// One log that goes there is kept out of three that go there, there and back.
 TEST_F(LogMachines, BothWaysStayInTheFit) {
   std::vector<std::string> files;
   for (const double level : {0.8, 0.6, -0.7}) {

@@ -18,6 +18,7 @@
 #include "diagnosis/recording_files/recording_file.hpp"
 #include "diagnosis/recording_files/time_stamp.hpp"
 #include "diagnosis/recording_files/written_unit.hpp"
+#include "tests/support/proposal_words.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -125,7 +126,7 @@ TEST(LogTitles, SignsAndOtherWordsOfMotionAndTime) {
 
 // ---- files --------------------------------------------------------------------------------------
 
-class LogVariants : public ::testing::Test {
+class LogVariants : public ::testing::Test, protected testing::ProposalWords {
  protected:
   RecordingFile read(const std::string& text, const std::string& name = "read.csv") {
     testing::write_text(folder_.file(name), text);
@@ -141,20 +142,6 @@ class LogVariants : public ::testing::Test {
     request.folder = folder_.file("axis");
     for (const std::string& each : answers) request.columns.push_back(column_answer(each));
     return propose_model(request);
-  }
-  static std::string all_of(const ModelProposal& proposal) {
-    std::string text;
-    for (const OpenQuestion& each : proposal.questions) {
-      text += "open: " + each.text + " (" + each.option + ")\n";
-    }
-    for (const std::string& note : proposal.notes) text += "note: " + note + "\n";
-    for (const ProposedGuess& each : proposal.guesses) {
-      text += each.subject + ": " + each.value + "; " + each.reason + "\n";
-    }
-    return text;
-  }
-  static bool says(const ModelProposal& proposal, const std::string& part) {
-    return all_of(proposal).find(part) != std::string::npos;
   }
 
   testing::TemporaryFolder folder_;
