@@ -14,6 +14,7 @@
 #include "bench/challenge/run_challenge.hpp"
 #include "bench/challenge/score_challenge.hpp"
 #include "bench/study/environment.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -135,9 +136,7 @@ void add_make(CLI::App& app, Invocation& invocation) {
                    "closed loop")
       ->check(CLI::IsMember({std::string(bench::kPeriodicSet), std::string(bench::kAnyMotionSet)}))
       ->capture_default_str();
-  command->add_option("--threads", arguments->options.threads, "threads; the result is the same")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->options.threads);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
       "Ctrl-C loses the cases in hand; the same command goes on where it was.\n"
@@ -210,9 +209,7 @@ void add_run(CLI::App& app, Invocation& invocation) {
   bench::RunOptions& options = arguments->options;
   command->add_option("cases", arguments->cases, "folder of the cases")->required();
   command->add_option("-o,--output", arguments->answers, "folder of the answers")->required();
-  command->add_option("--threads", options.threads, "cases at a time, one thread each")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, options.threads, "cases at a time, one thread each");
   command->add_option("--time-limit", options.time_limit, "wall seconds a case")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
@@ -227,8 +224,8 @@ void add_run(CLI::App& app, Invocation& invocation) {
       "Exit code 1 if a case has no verdict, or after Ctrl-C; the same command goes on where it "
       "was.\n"
       "Examples:\n"
-      "  graybox challenge run cases -o answers --threads 2\n"
-      "  graybox challenge run cases -o answers_without --without-named answers --threads 2");
+      "  graybox challenge run cases -o answers\n"
+      "  graybox challenge run cases -o answers_without --without-named answers");
   command->callback([arguments, &invocation] { invocation.exit_code = run(*arguments); });
 }
 

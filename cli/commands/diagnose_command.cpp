@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
 #include "cli/process/interrupt.hpp"
@@ -108,9 +109,7 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
                    "periodic, force_balance or prediction_error (default: what the model and the "
                    "recordings ask for)")
       ->check(CLI::IsMember({"auto", "periodic", "force_balance", "prediction_error"}));
-  command->add_option("--threads", arguments->request.threads, "threads")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->request.threads);
   command
       ->add_option("--level", arguments->request.search.level,
                    "false alarms where nothing is missing, all hypotheses together")
@@ -140,7 +139,7 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "Exit codes: 0 nothing missing, explained or ambiguous; 1 unknown; 2 bad input.\n"
       "Examples:\n"
-      "  graybox diagnose robot.yaml campaign/ -o report --threads 2\n"
+      "  graybox diagnose robot.yaml campaign/ -o report\n"
       "  graybox diagnose drive.yaml campaign/ --without coulomb --json\n"
       "  graybox diagnose drive.yaml campaign/ --laws my_laws.yaml --places my_places.yaml -o "
       "report");

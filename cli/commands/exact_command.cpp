@@ -16,6 +16,7 @@
 #include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
@@ -267,7 +268,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--gap", options.gap, "proven loss of D-efficiency to stop at")
       ->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--seed", options.seed, "of the exchange's random starts")
       ->capture_default_str();
   command->add_option("--checkpoint", options.checkpoint,

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
@@ -109,7 +110,7 @@ constexpr const char* kFitFooter =
     "  graybox fit drive.yaml campaign/ --physics friction.yaml --write fitted.yaml\n"
     "  graybox fit drive.yaml campaign/ --report fit.html\n"
     "  graybox fit robot.yaml campaign/ --lines full\n"
-    "  graybox fit robot.yaml campaign/ --starts 30 --threads 2 --json";
+    "  graybox fit robot.yaml campaign/ --starts 30 --json";
 
 }  // namespace
 
@@ -126,9 +127,7 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
                       "write the model with the fitted values (lumped models, rigid robots)");
   command->add_option("--report", arguments->page,
                       "write one page with parameters and traces (HTML)");
-  command->add_option("--threads", arguments->request.threads, "threads")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->request.threads);
   command->add_option("--seed", arguments->request.seed, "of the starts after the first")
       ->capture_default_str();
   command

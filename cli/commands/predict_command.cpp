@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
@@ -116,9 +117,7 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write one page with curves (HTML)");
   command->add_option("--physics", arguments->physics,
                       "graybox-physics/1 files with further elements");
-  command->add_option("--threads", arguments->threads, "threads")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
@@ -204,9 +205,7 @@ void add_responses_command(CLI::App& app, Invocation& invocation) {
   command->add_flag(
       "--direct", arguments->direct,
       "from inputs to outputs even where there are references; local polynomials only");
-  command->add_option("--threads", arguments->threads, "threads; the result is the same")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(
@@ -217,7 +216,7 @@ void add_responses_command(CLI::App& app, Invocation& invocation) {
       "in standard errors. A dash: not known, or nothing.\n"
       "Exit codes: 0 done, perhaps with warnings; 1 interrupted; 2 the recordings don't allow it.\n"
       "Examples:\n"
-      "  graybox responses campaign/ -o responses.h5 --threads 2\n"
+      "  graybox responses campaign/ -o responses.h5\n"
       "  graybox responses campaign/ -o responses.csv --separate\n"
       "  graybox responses campaign/ --method local_polynomial --from 1 --to 60");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });

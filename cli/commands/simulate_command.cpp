@@ -9,6 +9,7 @@
 #include <string>
 
 #include "bench/study/progress.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
@@ -139,9 +140,7 @@ void add_simulate_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--hidden", arguments->hidden,
                       "graybox-physics/1 file with elements that the model does not have");
   command->add_option("--seed", arguments->seed, "of phases and noise")->capture_default_str();
-  command->add_option("--threads", arguments->threads, "threads; the result is the same")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   command->add_option("-o,--output", arguments->output, "campaign folder to write");
   command->add_flag("--laws", arguments->laws, "list the laws of elements and their parameters");
   add_time_limit(*command, OnStop::kLosesNothing);
@@ -151,7 +150,7 @@ void add_simulate_command(CLI::App& app, Invocation& invocation) {
       "where "
       "it was.\n"
       "Examples:\n"
-      "  graybox simulate robot.yaml plan.yaml --seed 7 --threads 2 -o campaign/\n"
+      "  graybox simulate robot.yaml plan.yaml --seed 7 -o campaign/\n"
       "  graybox simulate robot.yaml plan.yaml --hidden physics.yaml -o campaign/\n"
       "  graybox simulate --laws");
   command->callback([arguments, &invocation] { invocation.exit_code = execute(*arguments); });

@@ -16,6 +16,7 @@
 #include "cli/arguments/design_output_arguments.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/constrained_report_text.hpp"
@@ -278,7 +279,7 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--iteration-limit", options.iteration_limit,
                       "iterations (default: the solver's own)");
   command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--trace", arguments->trace, "write the history of the run as JSON lines");
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   command->add_flag("--json", arguments->json, "print one machine-readable line");

@@ -15,6 +15,7 @@
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/robot_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -452,7 +453,7 @@ void add_continuous_options(CLI::App* command, ContinuousArguments* arguments) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command->add_option("--seed", options.seed, "of the random starts")->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("-o,--output", arguments->output,
                       "write the design as JSON, for the set that --set writes");
   command->add_option("--set", arguments->set,

@@ -16,6 +16,7 @@
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/criterion_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -245,7 +246,7 @@ void add_design_criteria_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds for each criterion");
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--repetitions", arguments->repetitions, "CPU time: median over so many runs")
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output,

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/output/console.hpp"
 #include "cli/problem/jacobian_file.hpp"
 #include "cli/process/interrupt.hpp"
@@ -158,7 +159,7 @@ void add_design_discriminate_command(CLI::App& design, Invocation& invocation) {
                     "compare each rival's misfit with the most that a design reaches for it alone");
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds of each solve");
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--set", arguments->set,
                       "write the information set on which 'graybox check' proves the design");
   command->add_option("-o,--output", arguments->output, "write the design as JSON");

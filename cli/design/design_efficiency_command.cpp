@@ -16,6 +16,7 @@
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/robot_arguments.hpp"
 #include "cli/arguments/stiffness_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -276,9 +277,7 @@ void add_design_efficiency_command(CLI::App& design, Invocation& invocation) {
   add_stiffness_options(*command, arguments->stiffness);
   command->add_flag("--best-single", arguments->best_single,
                     "also all experiments in the nominal robot's best position");
-  command->add_option("--threads", arguments->threads, "threads")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   command->add_option("-o,--output", arguments->output,
                       "write one line a sample as CSV; a file of an earlier, unfinished run is "
                       "continued");

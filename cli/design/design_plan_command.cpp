@@ -16,6 +16,7 @@
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/request_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/exact_report_text.hpp"
@@ -317,7 +318,7 @@ void add_design_plan_command(CLI::App& app, Invocation& invocation) {
       ->capture_default_str();
   add_request_options(*command, arguments->request, ExperimentsOption::kFound);
   command->add_option("--time-limit", options.time_limit, "wall seconds")->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--seed", options.seed, "of the search for whole numbers")
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output, "write the design as JSON, with counts");

@@ -14,6 +14,7 @@
 #include "cli/arguments/robot_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/arguments/stiffness_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/design_output.hpp"
@@ -402,7 +403,7 @@ void add_design_robust_command(CLI::App& design, Invocation& invocation) {
                       "... in any positions that are this fraction of all");
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds of the solver");
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("-o,--output", arguments->output, "write the design as JSON");
   add_report_option(*command, arguments->shown);
   command->add_flag("--json", arguments->json, "print one machine-readable line");

@@ -12,6 +12,7 @@
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/robot_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/process/interrupt.hpp"
@@ -190,7 +191,7 @@ void add_design_sequential_command(CLI::App& design, Invocation& invocation) {
                    "standard deviation of about 1 %, where the file's own is the paper's 100 %")
       ->capture_default_str();
   command->add_option("--seed", options.seed, "of starts and noise")->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("-o,--output", arguments->output, "write a line a stage as CSV");
   command->add_option("--summary", arguments->summary, "write means, spreads, quartiles as CSV");
   command->add_flag("--json", arguments->json, "print one machine-readable line");

@@ -10,6 +10,7 @@
 
 #include "bench/pin_threads.hpp"
 #include "cli/arguments/robot_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/output/spectrum_tables.hpp"
@@ -199,13 +200,12 @@ void add_design_spectrum_command(CLI::App& design, Invocation& invocation) {
       "spectrum", "Positions and excitation spectra of a robot at once, under limits on power");
   auto arguments = std::make_shared<SpectrumArguments>();
   SolveOptions& options = arguments->options;
-  options.threads = 2;
   add_robot_options(*command, arguments->robot);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds a design (default: none)");
   command->add_option("--seed", options.seed, "of the samples the method draws")
       ->capture_default_str();
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command
       ->add_option("--position-limit", arguments->limits,
                    "largest share of the time in any position, as in 0.1; several, separated by "

@@ -18,6 +18,7 @@
 #include "bench/pin_threads.hpp"
 #include "bench/study/row_file.hpp"
 #include "cli/arguments/robot_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
@@ -552,9 +553,7 @@ void add_design_verify_command(CLI::App& design, Invocation& invocation) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "of noise, phases, starts and random positions")
       ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "threads; the result is the same")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
+  add_threads(*command, arguments->threads);
   command->add_option("-o,--output", arguments->output, "folder for rows and tables");
   add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -564,7 +563,7 @@ void add_design_verify_command(CLI::App& design, Invocation& invocation) {
       "Ctrl-C keeps the fits that are finished (exit code 1); the same command goes on from "
       "there.\n"
       "Examples:\n"
-      "  graybox design verify --threads 2 -o verify\n"
+      "  graybox design verify -o verify\n"
       "  graybox design verify --grid 500 --repetitions 50 --recordings 0 -o quick --json\n"
       "  graybox design verify --design robust.json --noise 1e-2 -o verify_robust");
   command->callback(

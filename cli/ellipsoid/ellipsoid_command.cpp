@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "bench/pin_threads.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/ellipsoid/ellipsoid_text.hpp"
 #include "cli/process/interrupt.hpp"
@@ -117,7 +118,7 @@ void add_ellipsoid_command(CLI::App& app, Invocation& invocation) {
   command->add_option("--check", arguments->checked,
                       "certify this ellipsoid: graybox-ellipsoid/1 JSON, whoever wrote it");
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
-  command->add_option("--threads", options.threads, "threads")->capture_default_str();
+  add_threads(*command, options.threads);
   command->add_option("--seed", options.seed, "of the samples to start from")
       ->capture_default_str();
   command->add_option("-o,--output", arguments->output, "write the ellipsoid as JSON");
@@ -130,7 +131,7 @@ void add_ellipsoid_command(CLI::App& app, Invocation& invocation) {
       "Draw it: scripts/ellipsoid_plot points.csv ellipsoid.json ellipsoid.svg\n"
       "Examples:\n"
       "  graybox ellipsoid points.csv -o ellipsoid.json\n"
-      "  graybox ellipsoid points.npy --gap 1e-9 --threads 2 --json\n"
+      "  graybox ellipsoid points.npy --gap 1e-9 --json\n"
       "  graybox ellipsoid residuals.csv --centred\n"
       "  graybox ellipsoid points.csv --drop 2\n"
       "  graybox ellipsoid points.csv --check ellipsoid.json");

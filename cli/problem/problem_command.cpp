@@ -7,6 +7,7 @@
 
 #include "cli/arguments/robot_arguments.hpp"
 #include "cli/arguments/set_arguments.hpp"
+#include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/console.hpp"
 #include "cli/problem/jacobian_problem.hpp"
@@ -47,9 +48,7 @@ void add_robot(CLI::App& problem) {
   auto arguments = std::make_shared<Arguments>();
   auto* command = problem.add_subcommand("robot", "Information matrices of a flexible robot");
   add_robot_options(*command, arguments->robot);
-  command->add_option("--threads", arguments->options.threads, "threads")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  add_threads(*command, arguments->options.threads);
   add_output(*command, arguments->output);
   command->footer(
       "Examples:\n"
@@ -73,9 +72,7 @@ void add_spectrum(CLI::App& problem) {
   auto* command = problem.add_subcommand(
       "spectrum", "Information matrices of a robot by position, frequency and input axis");
   add_robot_options(*command, arguments->robot);
-  command->add_option("--threads", arguments->options.threads, "threads")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  add_threads(*command, arguments->options.threads);
   add_output(*command, arguments->output);
   command->footer(
       "The file takes 0.2 MB a position of the robot of graybox, 1.6 GB for the paper's 7920;\n"

@@ -123,7 +123,8 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
       effective += ColouredNoise(rest.col(j)).effective_samples();
     }
     if (!(counted > 0.0)) return nullptr;
-    std::optional<ForceBalanceData> freed = with_uncertain_bodies(data_, effective / counted);
+    std::optional<ForceBalanceData> freed =
+        with_uncertain_bodies(data_, effective / counted, fitter_.inverse_gains(fit));
     if (!freed) return nullptr;
     return std::make_unique<ForceBalanceProblem>(*std::move(freed), options_, read_again_);
   }
@@ -270,7 +271,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     try {
       ForceBalanceData moved = read_again_(advance, 0.0);
       if (!data_.uncertain.empty()) {
-        auto freed = with_uncertain_bodies(moved, data_.estimation.worth);
+        auto freed = with_uncertain_bodies(moved, data_.estimation.worth, data_.prior_gains);
         if (!freed) return nullptr;
         moved = *std::move(freed);
       }

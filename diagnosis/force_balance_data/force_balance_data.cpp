@@ -88,9 +88,7 @@ ForceBalanceRows empty_rows(std::vector<Motion> pieces, std::vector<std::string>
   rows.flange_body = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                    Eigen::MatrixXd(samples, kStandardParameters)),
                       kStandardParameters};
-  const bool wants_bodies =
-      joints > 1 && robot.body_uncertainty > 0.0 && !robot.channels.unknown_drive_gains;
-  if (wants_bodies) {
+  if (joints > 1 && robot.body_uncertainty > 0.0) {
     const Eigen::Index count = joints * kStandardParameters;
     rows.bodies = {std::vector<Eigen::MatrixXd>(static_cast<std::size_t>(joints),
                                                 Eigen::MatrixXd(samples, count)),
@@ -493,12 +491,19 @@ std::string BalanceCoordinate::channel() const {
   return (units.force == "N m" ? "torque of " : "force of ") + name;
 }
 
-void BalanceColumns::append(const BalanceColumns& more, const std::vector<Eigen::Index>& chosen) {
+void BalanceColumns::append(const BalanceColumns& more, const std::vector<Chosen>& chosen) {
   for (std::size_t j = 0; j < in.size(); ++j) {
     Eigen::MatrixXd& block = in[j];
     block.conservativeResize(more.in[j].rows(), count + static_cast<Eigen::Index>(chosen.size()));
     Eigen::Index column = count;
-    for (const Eigen::Index k : chosen) block.col(column++) = more.in[j].col(k);
+    for (const Chosen& each : chosen) {
+      const bool acts = each.coordinate < 0 || each.coordinate == static_cast<Eigen::Index>(j);
+      if (acts) {
+        block.col(column++) = more.in[j].col(each.column);
+      } else {
+        block.col(column++).setZero();
+      }
+    }
   }
   count += static_cast<Eigen::Index>(chosen.size());
 }
@@ -633,9 +638,10 @@ ForceBalanceRows rows_along(const ForceBalanceData& data, Motion motion) {
   ForceBalanceRows rows = rows_of(std::move(pieces), {""}, data.robot, columns);
   silence(data.idle, rows);
   keep(data.base_columns, rows.model);
-  std::vector<Eigen::Index> departures;
+  std::vector<BalanceColumns::Chosen> departures;
   for (const UncertainParameter& parameter : data.uncertain) {
-    departures.push_back(parameter.link * kStandardParameters + parameter.parameter);
+    departures.push_back(
+        {parameter.link * kStandardParameters + parameter.parameter, parameter.joint});
   }
   if (!departures.empty()) rows.model.append(rows.bodies, departures);
   return rows;

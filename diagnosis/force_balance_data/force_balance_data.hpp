@@ -26,8 +26,12 @@ struct BalanceColumns {
   std::vector<Eigen::MatrixXd> in;
   Eigen::Index count = 0;  // of columns
 
+  // A column that acts on all coordinates, or on one of them alone.
+  struct Chosen {
+    Eigen::Index column = 0, coordinate = -1;  // -1: on all
+  };
   // These columns of another term, after those that are there.
-  void append(const BalanceColumns& more, const std::vector<Eigen::Index>& chosen);
+  void append(const BalanceColumns& more, const std::vector<Chosen>& chosen);
 };
 
 // All recordings of one role. Samples of all pieces one after another.
@@ -70,10 +74,12 @@ struct BalanceCoordinate {
   [[nodiscard]] std::string channel() const;
 };
 
-// A standard inertial parameter of a link that may depart from what the model states.
+// A standard inertial parameter of a link that may depart from what the model states. Where drive
+// gains are unknown each joint has a departure of its own, over its gain; else `joint` is -1.
 struct UncertainParameter {
   Eigen::Index link = 0, parameter = 0;
   double stated = 0.0, deviation = 0.0;  // of the prior
+  Eigen::Index joint = -1;
 };
 
 struct ForceBalanceData {
@@ -91,6 +97,8 @@ struct ForceBalanceData {
   // those that nothing known acts on; empty if no gain is told.
   std::vector<Eigen::Index> gain_parameters;
   std::vector<UncertainParameter> uncertain;  // the last of the model's parameters
+  // 1/gain of each joint by which the prior of these was scaled; empty where gains are known.
+  Eigen::VectorXd prior_gains;
   bool position_is_recorded = true;  // else it is an integral: laws that need it are not tried
   std::vector<Motion> recorded;      // for estimation, every sample
   // What the model states of a robot of one joint, kg m^2 or kg; NaN for others.

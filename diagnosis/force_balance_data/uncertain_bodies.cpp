@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <map>
 #include <memory>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -68,12 +71,67 @@ double errors_from_possible(const StandardParameters& fitted, const StandardPara
   return std::min(along(stated - fitted), along(inertia));
 }
 
-Eigen::VectorXd lengths_of(const BalanceColumns& columns) {
-  Eigen::VectorXd squares = Eigen::VectorXd::Zero(columns.count);
-  for (const Eigen::MatrixXd& block : columns.in) {
-    squares += block.colwise().squaredNorm().transpose();
-  }
+Eigen::VectorXd lengths_of(std::span<const Eigen::MatrixXd> blocks) {
+  Eigen::VectorXd squares = Eigen::VectorXd::Zero(blocks.front().cols());
+  for (const Eigen::MatrixXd& block : blocks) squares += block.colwise().squaredNorm().transpose();
   return squares.cwiseSqrt();
+}
+
+// Those of stated bodies that the motion shows, on one joint or on all (-1). `lengths`: of the
+// bodies' columns. `scale`: of the prior.
+std::vector<UncertainParameter> parameters_seen(const RigidRobotModel& robot,
+                                                const Eigen::VectorXd& lengths, Index joint,
+                                                double scale) {
+  std::vector<UncertainParameter> parameters;
+  for (Index link = 0; link < robot.size(); ++link) {
+    const std::optional<RigidBody>& body = robot.joints[static_cast<std::size_t>(link)].body;
+    if (!body || !(body->mass > 0.0)) continue;
+    const StandardParameters stated = standard_parameters(*body);
+    const StandardParameters deviations = prior_deviations(stated, robot.body_uncertainty);
+    for (Index k = 0; k < kStandardParameters; ++k) {
+      const double length = lengths(link * kStandardParameters + k);
+      if (!(length > kSeen * lengths.maxCoeff()) || !(deviations(k) > 0.0)) continue;
+      parameters.push_back({link, k, stated(k), scale * deviations(k), joint});
+    }
+  }
+  return parameters;
+}
+
+// A departure from what is stated, in the parameter's own unit.
+struct Departure {
+  const UncertainParameter* parameter;
+  double value, standard_error;
+};
+
+Departure departure_of(const ForceBalanceData& data, const UncertainParameter& parameter,
+                       const std::vector<LawParameterEstimate>& model_parameters,
+                       const LawParameterEstimate& estimate) {
+  if (parameter.joint < 0) return {&parameter, estimate.value, estimate.standard_error};
+  const auto joint = static_cast<std::size_t>(parameter.joint);
+  const Index gain = data.gain_parameters[joint];
+  const double inverse = gain >= 0 ? model_parameters[static_cast<std::size_t>(gain)].value
+                                   : data.prior_gains(parameter.joint);
+  return {&parameter, estimate.value / inverse, estimate.standard_error / std::abs(inverse)};
+}
+
+// Of each parameter of a link the departure with the least standard error.
+std::vector<Departure> departures_of(const ForceBalanceData& data,
+                                     const std::vector<LawParameterEstimate>& model_parameters) {
+  std::map<std::pair<Index, Index>, Departure> best;
+  const std::size_t first = model_parameters.size() - data.uncertain.size();
+  for (std::size_t k = 0; k < data.uncertain.size(); ++k) {
+    const UncertainParameter& parameter = data.uncertain[k];
+    const Departure departure =
+        departure_of(data, parameter, model_parameters, model_parameters[first + k]);
+    const auto [place, is_first] =
+        best.try_emplace({parameter.link, parameter.parameter}, departure);
+    if (!is_first && departure.standard_error < place->second.standard_error) {
+      place->second = departure;
+    }
+  }
+  std::vector<Departure> departures;
+  for (const auto& [key, departure] : best) departures.push_back(departure);
+  return departures;
 }
 
 }  // namespace
@@ -93,27 +151,28 @@ bool may_free_bodies(const ForceBalanceData& data) {
   return data.estimation.bodies.count > 0 && data.uncertain.empty();
 }
 
-std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data, double worth) {
+std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data, double worth,
+                                                      const Eigen::VectorXd& inverse_gains) {
   if (!may_free_bodies(data)) return {};
   const RigidRobotModel& robot = data.robot;
-  const Eigen::VectorXd lengths = lengths_of(data.estimation.bodies);
-  std::vector<Index> chosen;
   std::vector<UncertainParameter> parameters;
-  for (Index j = 0; j < robot.size(); ++j) {
-    const std::optional<RigidBody>& body = robot.joints[static_cast<std::size_t>(j)].body;
-    if (!body || !(body->mass > 0.0)) continue;
-    const StandardParameters stated = standard_parameters(*body);
-    const StandardParameters deviations = prior_deviations(stated, robot.body_uncertainty);
-    for (Index k = 0; k < kStandardParameters; ++k) {
-      const Index column = j * kStandardParameters + k;
-      const bool is_seen = lengths(column) > kSeen * lengths.maxCoeff();
-      if (!is_seen || !(deviations(k) > 0.0)) continue;
-      chosen.push_back(column);
-      parameters.push_back({j, k, stated(k), deviations(k)});
-    }
+  if (!robot.channels.unknown_drive_gains) {
+    parameters = parameters_seen(robot, lengths_of(data.estimation.bodies.in), -1, 1.0);
   }
-  if (chosen.empty()) return {};
+  for (Index j = 0; j < inverse_gains.size(); ++j) {
+    if (inverse_gains(j) == 0.0 || data.idle[static_cast<std::size_t>(j)]) continue;
+    const Eigen::VectorXd lengths =
+        lengths_of({&data.estimation.bodies.in[static_cast<std::size_t>(j)], 1});
+    std::ranges::move(parameters_seen(robot, lengths, j, std::abs(inverse_gains(j))),
+                      std::back_inserter(parameters));
+  }
+  if (parameters.empty()) return {};
+  std::vector<BalanceColumns::Chosen> chosen;
+  for (const UncertainParameter& each : parameters) {
+    chosen.push_back({each.link * kStandardParameters + each.parameter, each.joint});
+  }
   ForceBalanceData result = data;
+  result.prior_gains = inverse_gains;
   const Index before = data.estimation.model.count;
   result.estimation.model.append(data.estimation.bodies, chosen);
   result.validation.model.append(data.validation.bodies, chosen);
@@ -126,8 +185,9 @@ std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& da
     precision(before + static_cast<Index>(k)) =
         1.0 / (worth * parameter.deviation * parameter.deviation);
     result.parameter_names.push_back(
-        fmt::format("{} departure of {}", kStandardParameterNames[own],
-                    robot.joints[static_cast<std::size_t>(parameter.link)].name));
+        fmt::format("{} departure of {}{}", kStandardParameterNames[own],
+                    robot.joints[static_cast<std::size_t>(parameter.link)].name,
+                    parameter.joint < 0 ? "" : fmt::format(" over gain_{}", parameter.joint + 1)));
     result.parameter_units.emplace_back(kUnits[own]);
     result.parameter_kinds.push_back(QuantityKind::kOther);
   }
@@ -141,6 +201,7 @@ std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& da
 std::vector<PhysicalBody> fitted_bodies(const ForceBalanceData& data,
                                         const std::vector<LawParameterEstimate>& model_parameters) {
   std::vector<PhysicalBody> bodies;
+  if (data.robot.channels.unknown_drive_gains) return bodies;
   const std::size_t first = model_parameters.size() - data.uncertain.size();
   for (std::size_t k = 0; k < data.uncertain.size();) {
     const Index link = data.uncertain[k].link;
@@ -161,10 +222,8 @@ std::vector<PhysicalBody> fitted_bodies(const ForceBalanceData& data,
 std::vector<std::string> departures_from_stated(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
   std::vector<std::pair<double, std::string>> found;
-  const std::size_t first = model_parameters.size() - data.uncertain.size();
-  for (std::size_t k = 0; k < data.uncertain.size(); ++k) {
-    const UncertainParameter& parameter = data.uncertain[k];
-    const LawParameterEstimate& departure = model_parameters[first + k];
+  for (const Departure& departure : departures_of(data, model_parameters)) {
+    const UncertainParameter& parameter = *departure.parameter;
     const double errors = std::abs(departure.value) / departure.standard_error;
     if (!(errors > kToldApart)) continue;
     const auto own = static_cast<std::size_t>(parameter.parameter);

@@ -8,6 +8,9 @@
 // and the fit minimises sum (rest / s_j)^2 + precision d^2 (generalised least squares with a prior;
 // Theil and Goldberger 1961). Residuals follow each other in time, so that N of them say as much as
 // N_eff independent ones: the precision is N / N_eff over the variance.
+//
+// Where drive gains g_j are unknown, joint j has the departures d / g_j of its own, with the prior's
+// standard deviations over |g_j|, so that the fit stays linear.
 #pragma once
 
 #include <optional>
@@ -22,25 +25,27 @@
 namespace graybox {
 
 // Whether any body may be freed. It may in a robot with several joints, whose model says that its
-// bodies are uncertain and whose drives' gains are known. None may be free already.
+// bodies are uncertain. None may be free already.
 [[nodiscard]] bool may_free_bodies(const ForceBalanceData& data);
 
 // The prior's standard deviations for a body with these standard parameters.
 [[nodiscard]] StandardParameters prior_deviations(const StandardParameters& stated, double share);
 
-// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. None where no body may
+// Adds the bodies' departures to the model's parameters. `worth`: N_eff / N. `inverse_gains`: about
+// 1/gain of each joint, 0 where it is not told; empty where gains are known. None where no body may
 // be freed, or none is stated.
-[[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(const ForceBalanceData& data,
-                                                                    double worth);
+[[nodiscard]] std::optional<ForceBalanceData> with_uncertain_bodies(
+    const ForceBalanceData& data, double worth, const Eigen::VectorXd& inverse_gains);
 
 // The bodies as a fit of such data has them, and by how many of their standard errors the
 // parameters must change, at most, until the body can exist (plausibility.hpp). Empty where no body
-// is free.
+// is free, and where each joint has departures of its own.
 [[nodiscard]] std::vector<PhysicalBody> fitted_bodies(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 
 // "mass of joint_2's link 312 ± 8 kg (stated: 339)" of the parameters that are off by more than
-// two standard errors, those that are off most first.
+// two standard errors, those that are off most first. Of departures of several joints it is that
+// with the least standard error.
 [[nodiscard]] std::vector<std::string> departures_from_stated(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters);
 

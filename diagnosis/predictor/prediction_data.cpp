@@ -456,12 +456,15 @@ bool PredictionData::has_validation() const {
   });
 }
 
+Index whole_windows(Index samples, Index horizon) {
+  return std::max<Index>(samples - seen_before(horizon, samples), 0) / horizon;
+}
+
 Index PredictionData::window_count(Index horizon) const {
   Index count = 0;
   for (const OutputErrorRecording& recording : recordings()) {
     if (recording.role != ExperimentRole::kEstimation) continue;
-    const Index samples = recording.time.size();
-    count += std::max<Index>(samples - seen_before(horizon, samples), 0) / horizon;
+    count += whole_windows(recording.time.size(), horizon);
   }
   return count;
 }

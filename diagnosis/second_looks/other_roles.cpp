@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/predictor/prediction_data.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/second_looks/answer_worth.hpp"
 #include "problems/base/stop.hpp"
@@ -25,6 +26,18 @@ bool are_few_with_some_kept_out(const Campaign& campaign) {
   }
   return samples <= kFew && std::ranges::count(campaign.experiments, ExperimentRole::kValidation,
                                                &Experiment::role) > 0;
+}
+
+// Whether those kept out are long enough to be searched by themselves.
+bool can_be_searched_kept_out(const Campaign& campaign) {
+  Eigen::Index windows = 0;
+  for (std::size_t i = 0; i < campaign.experiments.size(); ++i) {
+    if (campaign.experiments[i].role != ExperimentRole::kValidation) continue;
+    for (const SignalPiece& piece : load_experiment(campaign, i).data.pieces) {
+      windows += whole_windows(piece.time.size(), kShortestHorizon);
+    }
+  }
+  return windows >= kFewestHorizonWindows;
 }
 
 bool has_law_borne_out(const Diagnosis& diagnosis) {
@@ -133,7 +146,10 @@ RolesLook look_at_other_roles(const MethodAnswer& first, const DiagnosisRequest&
   const std::string lack = lack_of(first.answer.diagnosis);
   const bool is_asked = method.takes_any_motion() && !lack.empty();
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
-  RolesLook others = look_with_exchanged(method, request, campaign, lack);
+  RolesLook others;
+  if (can_be_searched_kept_out(campaign)) {
+    others = look_with_exchanged(method, request, campaign, lack);
+  }
   if (others.was_stopped) return others;
   RolesLook all = look_with_all(method, request, campaign, lack);
   if (all.was_stopped || !others.answer) return all;

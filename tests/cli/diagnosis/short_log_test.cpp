@@ -112,6 +112,16 @@ TEST_F(ShortLog, RecordingsChangePlacesWhereThoseOfTheFitShowNoLaw) {
   EXPECT_EQ(other["words"].dump().find("changed places"), std::string::npos);
 }
 
+// Twenty samples kept out are too few to be searched by themselves, which is no fault of theirs.
+TEST_F(ShortLog, RecordingsTooShortToBeSearchedDoNotChangePlaces) {
+  write_run("fall.csv", {1.84, 0.0, 0.0}, 100, 1);
+  write_run("driven.csv", {0.6, 3.5, 0.1}, 20, 2);
+  write_files("angle", "position", "rad");
+  const Json found = diagnosis();
+  EXPECT_TRUE(found.contains("verdict"));
+  EXPECT_EQ(found["words"].dump().find("changed places"), std::string::npos);
+}
+
 // A driven motion of 40 samples shows no weight by itself either. With both in the fit it is found,
 // and nothing has tested it.
 TEST_F(ShortLog, AllRecordingsAreFittedWhereNeitherPartShowsALaw) {
