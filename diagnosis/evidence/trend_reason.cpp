@@ -56,8 +56,9 @@ std::string trend_advice(LawTrend::On on) {
       return "look for what changes while it is recorded, as a temperature, a load or wear; "
              "record it, and fit the beginning and the end by themselves";
     case LawTrend::On::kPosition:
-      return "look at the place where it changes, as a worn guide, a screw or a cable; record "
-             "slow motion over the whole way";
+      return "look for what else depends on the place, as a weight, a spring, a cable, a worn "
+             "guide "
+             "or the pull of another axis; record slow motion over the whole way";
     case LawTrend::On::kSpeed:
       return "record slow motion and standstill beside fast motion: another law of the speed "
              "fits better, as friction that falls with speed";

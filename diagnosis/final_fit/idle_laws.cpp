@@ -60,7 +60,7 @@ double least_z(const LastFit& last) {
 bool is_surely_there(const LastFit& last, const PlacedFinding& law, const JudgedModel& without) {
   constexpr double kNearlyAll = 0.9, kSure = 100.0;  // of the cost, chi-square
   return last.hypotheses->acts_in_moments(law.hypothesis) &&
-         !is_late_at_bound(last.found.fit, law) &&
+         !is_late_at_bound(last.found.fit, law) && !turns_its_drive(last.found.fit, law) &&
          1.0 - last.found.fit.cost / without.fit.cost > kNearlyAll &&
          last.evidence_over(without) > kSure;
 }
@@ -164,7 +164,7 @@ bool drop_undetermined_law(LastFit& last) {
     const bool has_told_size =
         size.is_told && !has_loose_frequency(fit, last.found.deviations, law) &&
         !swings_too_slowly(fit, law, *last.data) && !is_late_at_bound(fit, law) &&
-        !is_longer_than_the_way(fit, law, last.motion());
+        !turns_its_drive(fit, law) && !is_longer_than_the_way(fit, law, last.motion());
     if (!size.is_free || has_told_size) continue;
     JudgedModel without = last.judged(without_part(fit.model, law.part), kLastFitIterations);
     if (!without.fit.usable || is_surely_there(last, law, without)) continue;

@@ -134,6 +134,7 @@ class ForceBalanceProblem : public MismatchProblem, public PhysicalEvidence {
     const bool states_bodies = std::ranges::any_of(
         robot.joints, [](const RobotJoint& joint) { return joint.body && joint.body->mass > 0.0; });
     if (!read_again_ || !states_bodies || robot.body_uncertainty > 0.0) return nullptr;
+    if (robot.channels.unknown_drive_gains) return nullptr;  // each joint would have its own
     try {
       return ForceBalanceProblem(read_again_(data_.advance, kDoubt), options_, read_again_)
           .with_uncertain_model(fit);

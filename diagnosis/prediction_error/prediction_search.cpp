@@ -305,7 +305,8 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit) ||
                    swings_too_slowly(one.fit, one.fit.model.laws.back(), *data_) ||
-                   is_late_at_bound(one.fit, one.fit.model.laws.back());
+                   is_late_at_bound(one.fit, one.fit.model.laws.back()) ||
+                   turns_its_drive(one.fit, one.fit.model.laws.back());
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
 }
@@ -486,6 +487,7 @@ bool PredictionSearch::add_group(State& state, const std::optional<PredictionFit
       if (other.usable && (!fit.usable || other.cost < fit.cost)) fit = std::move(other);
     }
     if (!is_group_better(state, best_single, fit) || fed_in_by(state, fit) > fed_limit) continue;
+    if (turns_its_drive(fit, fit.model.laws.back())) continue;
     const bool is_spring = group.front().law == "stiffness";
     if (is_spring && !swings_about_rest(fit.model, fitter(state).motion(fit))) continue;
     if (best.usable && best.cost <= fit.cost) continue;

@@ -303,8 +303,9 @@ std::string hold_scale(const PredictionData& data, LumpedModel& model) {
 // vanish: it often stands in for friction that was found.
 std::string moved_words(const LumpedModel& stated,
                         const std::vector<LawParameterEstimate>& fitted) {
-  constexpr double kFar = 10.0;    // times
-  constexpr double kErrors = 2.0;  // within them nothing moved
+  constexpr double kFar = 10.0;      // times
+  constexpr double kErrors = 2.0;    // within them nothing moved
+  constexpr double kNothing = 1e-3;  // of its error
   std::string words;
   for (const LumpedParameter& parameter : stated.parameters) {
     const auto estimate = std::ranges::find(fitted, parameter.name, &LawParameterEstimate::name);
@@ -314,8 +315,10 @@ std::string moved_words(const LumpedModel& stated,
     if (ratio < kFar && (may_vanish || ratio > 1.0 / kFar)) continue;
     const double error = estimate->standard_error;
     if (std::abs(estimate->value - parameter.value) < kErrors * error) continue;
+    // A damping of 3e-9 ± 0.5 is none.
+    const double value = std::abs(estimate->value) < kNothing * error ? 0.0 : estimate->value;
     words += fmt::format("{}{} from {:.3g} to {:.3g}{} {}", words.empty() ? "" : "; ",
-                         parameter.name, parameter.value, estimate->value,
+                         parameter.name, parameter.value, value,
                          error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
   }
   return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";

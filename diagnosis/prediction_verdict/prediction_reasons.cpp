@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -27,9 +28,10 @@ constexpr double kRoundedLimit = 2.0 * kHeldOutLimit;      // where the sensor c
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
 constexpr double kNotSmall = 5.0;                          // % of the signal
-constexpr double kSmallError = 3.0;   // % of the signal, which may grow from less
-constexpr double kWholeLimit = 50.0;  // % of the signal
-constexpr double kSmallForce = 5.0;   // % of the forces that act: as good as nothing
+constexpr double kSmallError = 3.0;        // % of the signal, which may grow from less
+constexpr double kMostGrowthOfNone = 5.0;  // of such an error, where nothing is missing
+constexpr double kWholeLimit = 50.0;       // % of the signal
+constexpr double kSmallForce = 5.0;        // % of the forces that act: as good as nothing
 constexpr double kAsGivenLimit = 2.0;
 constexpr double kStructureLimit = 3.0;  // % of the forces that act
 constexpr double kRestLimit = 15.0;      // % of them
@@ -224,7 +226,7 @@ void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
                       "the fit"));
 }
 
-void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
+void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
   const std::optional<HeldOutGrowth> growth = from_.final->growth();
   if (!growth) {
@@ -241,7 +243,7 @@ void PredictionReasons::add_growth(std::vector<VerdictReason>& list) const {
   const std::string& channel = from_.stated->output_names[static_cast<std::size_t>(worst)];
   const JudgedModel& found = from_.final->found();
   const double kept_out = (*found.held_out_error)(worst) / found.held_out_scale(worst);
-  const bool is_small = 100.0 * kept_out <= kSmallError;
+  const bool is_small = 100.0 * kept_out <= kSmallError && most <= most_of_small;
   const char* excuse = "";
   if (most > kGrowthLimit && is_chance) excuse = "; chance explains it";
   if (most > kGrowthLimit && is_small) excuse = "; it is small all the same";
@@ -301,7 +303,7 @@ void PredictionReasons::add_rest(const Diagnosis& diagnosis,
 std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
     const Diagnosis& diagnosis, std::vector<VerdictReason> list) const {
   add_held_out(list);
-  add_growth(list);
+  add_growth(kMostGrowthOfNone, list);
   add_fitted(list);
   list.push_back(sizes_hold_reason(diagnosis));
   // Who can't tell masses and springs can't miss anything.
@@ -338,7 +340,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   list.push_back(std::move(found));
   add_misleading(diagnosis, list);
   add_held_out(list);
-  add_growth(list);
+  add_growth(std::numeric_limits<double>::infinity(), list);
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);
   VerdictReason sizes = sizes_hold_reason(diagnosis);

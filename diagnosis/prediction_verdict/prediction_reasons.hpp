@@ -33,7 +33,8 @@ class PredictionReasons {
   [[nodiscard]] bool has_stated_noise() const;  // of each output
   void add_held_out(std::vector<VerdictReason>& list) const;
   void add_fitted(std::vector<VerdictReason>& list) const;
-  void add_growth(std::vector<VerdictReason>& list) const;
+  // `most_of_small`: by how much an error may grow that is small all the same.
+  void add_growth(double most_of_small, std::vector<VerdictReason>& list) const;
   void add_misleading(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   void add_against_as_given(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   void add_rest(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;

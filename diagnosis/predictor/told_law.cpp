@@ -76,6 +76,12 @@ bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law) {
   return fit.model.model.parameters[time].value > kNearly * fit.model.space[time].high;
 }
 
+bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law) {
+  const Element& part = fit.model.model.parts[law.part];
+  // The reference is the largest input: there the gain is 1 + curvature.
+  return part.law_name == "curved_gain" && part.parameters[0] <= -1.0;
+}
+
 bool has_loose_frequency(const PredictionFit& fit, const VectorXd& deviations,
                          const PlacedFinding& law) {
   constexpr double kLoose = 0.3;  // standard error over value

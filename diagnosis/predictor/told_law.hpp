@@ -35,6 +35,9 @@ struct ToldSize {
 // something else is missing.
 [[nodiscard]] bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law);
 
+// A drive whose gain, bent as found, turns its sign within what was asked of it. No drive does.
+[[nodiscard]] bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law);
+
 // A wave longer than the way that was gone is none: it stands in for a constant or a spring.
 // `motion`: samples x (positions, velocities).
 [[nodiscard]] bool is_longer_than_the_way(const PredictionFit& fit, const PlacedFinding& law,

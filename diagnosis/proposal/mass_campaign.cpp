@@ -248,10 +248,11 @@ class MassCampaign {
           : is_unknown && column->counts_rows() ? "numbers the rows"
           : is_unknown && rises_evenly(column->values)
               ? (is_whole(column->values) ? "a counter" : "rises evenly, as a time does")
-          : column->words.quantity == LogQuantity::kUnknown ? "not recognised"
-          : column->words.quantity == LogQuantity::kOther   ? "no motion, no drive"
-          : column->words.is_reference                      ? "a reference"
-                                                            : "not needed";
+          : column->words.quantity == LogQuantity::kUnknown                   ? "not recognised"
+          : column->answered && column->words.quantity == LogQuantity::kOther ? "you said so"
+          : column->words.quantity == LogQuantity::kOther ? "no motion, no drive"
+          : column->words.is_reference                    ? "a reference"
+                                                          : "not needed";
       draft_.unused.push_back(fmt::format("{}: {}", column->name, why));
     }
     if (!draft_.unused.empty()) {

@@ -10,8 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/verdict/law_words.hpp"
+#include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/units.hpp"
 #include "problems/files/yaml_field.hpp"
 #include "problems/mechanisms/lumped_model.hpp"
@@ -27,6 +29,26 @@ constexpr std::array<std::string_view, 5> kSprings{"stiffness", "cubic_spring", 
 std::vector<Element> parts_of(const std::filesystem::path& model, const std::string& format) {
   if (format == "graybox-lumped/1") return load_lumped_model(model).parts;
   return load_rigid_robot(model).elements;
+}
+
+// Laws of the position found in one sweep at about one speed, where position and time are one.
+void tell_laws_of_one_sweep(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis) {
+  constexpr double kOneSpeed = 2.0;  // fastest over slowest
+  for (const FoundEffect& effect : diagnosis.effects) {
+    const Hypothesis& law = hypotheses[effect.law.hypothesis];
+    if (std::ranges::find(kSprings, law.law) == kSprings.end()) continue;
+    const std::string moving = law.place.substr(0, law.place.find('.'));
+    for (const CheckedRange::Span& span : diagnosis.checked.recorded) {
+      if (span.quantity != "velocity of " + moving || !(span.from * span.to > 0.0)) continue;
+      const double slow = std::min(std::abs(span.from), std::abs(span.to)),
+                   fast = std::max(std::abs(span.from), std::abs(span.to));
+      if (fast > kOneSpeed * slow) continue;
+      diagnosis.assumptions.push_back(fmt::format(
+          "{} went one way at about one speed: what is said to depend on its position ({}) may as "
+          "well change with time. Record it going back, and at other speeds.",
+          moving, law.law));
+    }
+  }
 }
 
 bool has_spring(const std::vector<Element>& parts, const std::string& place) {
@@ -73,7 +95,23 @@ void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnos
   }
 }
 
+void require_confirmed_laws(Diagnosis& diagnosis) {
+  if (!has_no_confirmed_law(diagnosis) || diagnosis.reasons.empty()) return;
+  VerdictReason reason;
+  reason.test = "laws found that recordings kept out bear out";
+  reason.value = 0.0;
+  reason.limit = 1.0;
+  reason.is_lower_limit = true;
+  reason.passed = false;
+  reason.otherwise = Verdict::kUnknown;
+  reason.next =
+      "record more, and other motion: what these laws gain in the fit they do not gain elsewhere";
+  diagnosis.reasons.insert(diagnosis.reasons.begin(), std::move(reason));
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+}
+
 void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis) {
+  tell_laws_of_one_sweep(hypotheses, diagnosis);
   constexpr double kBack = 0.05;  // of the fastest motion
   for (const FoundEffect& effect : diagnosis.effects) {
     const Hypothesis& force = hypotheses[effect.law.hypothesis];

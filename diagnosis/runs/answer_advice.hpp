@@ -20,7 +20,11 @@ void mark_first_springs(const std::filesystem::path& model, std::span<const Hypo
 // motion.
 void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis);
 
-// Says of each constant force on what turned or moved one way that it may be dry friction.
+// Adds a test that fails where laws are told and none is confirmed; the verdict then is `unknown`.
+void require_confirmed_laws(Diagnosis& diagnosis);
+
+// Says of each constant force on what turned or moved one way that it may be dry friction. Of what
+// went one way at about one speed it says that a law of the position may be a change with time.
 void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis);
 
 // Names drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known:

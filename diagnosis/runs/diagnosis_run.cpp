@@ -15,6 +15,7 @@
 #include "diagnosis/runs/report_folder.hpp"
 #include "diagnosis/second_looks/answer_by_method.hpp"
 #include "diagnosis/second_looks/answer_worth.hpp"
+#include "diagnosis/second_looks/late_drive.hpp"
 #include "diagnosis/second_looks/method_choice.hpp"
 #include "diagnosis/second_looks/other_roles.hpp"
 #include "diagnosis/verdict/verdict_file.hpp"
@@ -31,9 +32,16 @@ void end_when_stopped(SearchOptions& search) {
   };
 }
 
-// By the method chosen, and in other roles where the recordings ask for that.
+// By the method chosen, with the drive in time, and in other roles, where the recordings ask for
+// that.
 AnswerInRoles answer_with_second_looks(const DiagnosisRequest& request, Campaign campaign) {
   MethodAnswer first = answer_by(choose_method(request, campaign), request, campaign);
+  LateDriveLook late = look_at_late_drive(first, request, campaign);
+  if (late.answer) {
+    campaign = std::move(late.answer->campaign);
+    first = std::move(late.answer->found);
+  }
+  if (late.was_stopped) tell_stopped(first.answer.diagnosis);
   RolesLook look = look_at_other_roles(first, request, campaign);
   if (look.answer) return *std::move(look.answer);
   if (look.was_stopped) tell_stopped(first.answer.diagnosis);
@@ -44,6 +52,7 @@ AnswerInRoles answer_with_second_looks(const DiagnosisRequest& request, Campaign
 void advise(const DiagnosisRequest& request, const Campaign& campaign, DiagnosisAnswer& answer) {
   tell_unknown_gains(campaign, answer.diagnosis);
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
+  require_confirmed_laws(answer.diagnosis);
   advise_on_rivals(answer.hypotheses(), answer.diagnosis);
   tell_one_way_forces(answer.hypotheses(), answer.diagnosis);
 }

@@ -67,12 +67,24 @@ std::string lack_of(const Diagnosis& diagnosis) {
   return is_open ? "do not determine the mass that moves" : "";
 }
 
+// Whether the recordings of the fit and those kept out ask for other sizes of the same laws. What
+// both have in common may show in all of them.
+bool asks_for_other_sizes(const Diagnosis& diagnosis) {
+  return !diagnosis.interrupted && diagnosis.channel_faults.empty() &&
+         diagnosis.verdict != Verdict::kNone && diagnosis.kept_out_change.has_value();
+}
+
 // Whether a machine's laws were found, and nothing is lacking any more.
 bool is_found(const DiagnosisAnswer& answer) {
   const Diagnosis& diagnosis = answer.diagnosis;
   return lack_of(diagnosis).empty() && diagnosis.channel_faults.empty() && !diagnosis.interrupted &&
          !diagnosis.effects.empty() && is_of_a_machine(diagnosis) &&
          !has_signal_laws_only(diagnosis, answer.hypotheses());
+}
+
+// Whether the fit with laws leaves more of its recordings than the model as given.
+bool leaves_more(const Diagnosis& diagnosis) {
+  return diagnosis.after.estimation.nrmse > diagnosis.before.estimation.nrmse;
 }
 
 // A diagnosis once more with recordings in these roles; none where it finds nothing either.
@@ -84,7 +96,8 @@ RolesLook look_with_roles(const MethodChoice& method, const DiagnosisRequest& re
   MethodAnswer found = answer_by(method, request, changed);
   RolesLook look;
   look.was_stopped = found.answer.diagnosis.interrupted;
-  if (is_found(found.answer)) look.answer = {std::move(changed), std::move(found)};
+  if (is_found(found.answer) && !leaves_more(found.answer.diagnosis))
+    look.answer = {std::move(changed), std::move(found)};
   return look;
 }
 
@@ -138,14 +151,31 @@ std::set<std::pair<std::string, std::string>> laws_of(const DiagnosisAnswer& ans
   return laws;
 }
 
+// All recordings are fitted, and other laws found with one size for all: those answer if they leave
+// less than what was found foretells of those kept out.
+RolesLook look_with_common_sizes(const MethodAnswer& first, const DiagnosisRequest& request,
+                                 const Campaign& campaign) {
+  RolesLook all =
+      look_with_all(first.method, request, campaign, "give other sizes than those kept out do");
+  if (!all.answer) return all;
+  const DiagnosisAnswer& answer = all.answer->found.answer;
+  const double left = answer.diagnosis.after.estimation.nrmse;
+  const bool is_new = laws_of(answer) != laws_of(first.answer) &&
+                      left < first.answer.diagnosis.kept_out_change->error_predicted;
+  if (!is_new) all.answer.reset();
+  return all;
+}
+
 }  // namespace
 
 RolesLook look_at_other_roles(const MethodAnswer& first, const DiagnosisRequest& request,
                               const Campaign& campaign) {
   const MethodChoice& method = first.method;
   const std::string lack = lack_of(first.answer.diagnosis);
-  const bool is_asked = method.takes_any_motion() && !lack.empty();
+  const bool is_changed = lack.empty() && asks_for_other_sizes(first.answer.diagnosis);
+  const bool is_asked = method.takes_any_motion() && (!lack.empty() || is_changed);
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
+  if (is_changed) return look_with_common_sizes(first, request, campaign);
   RolesLook others;
   if (can_be_searched_kept_out(campaign)) {
     others = look_with_exchanged(method, request, campaign, lack);

@@ -223,7 +223,7 @@ std::string advice_for(const Hypothesis& found, const Hypothesis& rival) {
     return "Record a wide range of steady speeds, slow and fast: there they differ.";
   }
   if (rival.law.starts_with("asymmetric_") || rival.law == "offset") {
-    return "Record more of the motion, in both directions: there they differ.";
+    return "Record both directions for equally long, at several speeds: there they differ.";
   }
   return "";
 }

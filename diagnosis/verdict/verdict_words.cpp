@@ -21,6 +21,7 @@ namespace {
 
 // Times its value: a standard error that is larger says nothing more.
 constexpr double kSaysNothing = 100.0;
+constexpr double kBeyondPlain = 1e5;  // of an error that is written with a power of ten
 
 std::string spaced(std::string name) {
   std::replace(name.begin(), name.end(), '_', ' ');
@@ -50,6 +51,27 @@ bool fails(const Diagnosis& diagnosis, const char* test) {
   return std::ranges::any_of(diagnosis.reasons, [&](const VerdictReason& reason) {
     return has_failed(reason) && reason.test.starts_with(test);
   });
+}
+
+// No law was found, or none that recordings kept out bear out.
+std::string unconfirmed_words(const Diagnosis& diagnosis) {
+  constexpr double kWell = 15.0;  // % of the signal
+  const bool is_well = diagnosis.validation_before && diagnosis.validation_before->nrmse <= kWell;
+  return is_well
+             ? "The model as given foretells recordings kept out about as well as with any law: "
+               "nothing is shown to be missing."
+             : "Physics is missing, and no law that was tried is borne out by recordings kept "
+               "out.";
+}
+
+// The mass or inertia without which no force is known, where nothing was found; empty: none.
+std::string loose_mass(const Diagnosis& diagnosis) {
+  if (!diagnosis.effects.empty() || !diagnosis.late_channels.empty()) return "";
+  const auto flaw = std::ranges::find_if(diagnosis.implausible, [](const Implausibility& each) {
+    return each.rule == PlausibilityRule::kZero &&
+           (each.quantity.ends_with("inertia") || each.quantity.ends_with("mass"));
+  });
+  return flaw == diagnosis.implausible.end() ? "" : flaw->quantity;
 }
 
 // The headline where what was found fits and yet is not all: what the tests that failed say.
@@ -82,7 +104,9 @@ std::string headline(const Diagnosis& diagnosis) {
     case Verdict::kNone:
       return "Nothing is missing that these recordings could show.";
     case Verdict::kExplained:
-      return "Physics is missing, and it is explained.";
+      return diagnosis.effects.empty() && !diagnosis.late_channels.empty()
+                 ? "A channel is recorded late or early; with it in time nothing more is missing."
+                 : "Physics is missing, and it is explained.";
     case Verdict::kAmbiguous:
       return ambiguity_words(diagnosis);
     case Verdict::kUnknown:
@@ -107,6 +131,11 @@ std::string headline(const Diagnosis& diagnosis) {
   if (!diagnosis.detection.detected && diagnosis.effects.empty() &&
       diagnosis.late_channels.empty()) {
     return "Nothing was seen to be missing, but not every test of that was passed.";
+  }
+  if (has_no_confirmed_law(diagnosis)) return unconfirmed_words(diagnosis);
+  if (const std::string loose = loose_mass(diagnosis); !loose.empty()) {
+    return fmt::format("The recordings do not determine {}, so they can't tell what is missing.",
+                       loose);
   }
   if (diagnosis.effects.empty() && diagnosis.late_channels.empty() && diagnosis.verified) {
     return "The model as it is predicts about as well as it fits; it leaves a little that no law "
@@ -205,10 +234,11 @@ bool predicts_nothing(const FoundEffect& effect, const Diagnosis& diagnosis) {
 
 // A law of which no size is told from zero may be any other.
 bool has_no_size(const FittedLaw& law) {
+  constexpr double kToldApart = 2.0;  // standard errors
   bool any = false;
   for (const LawParameterEstimate& estimate : law.parameters) {
     if (!sets_size(estimate) || !(estimate.standard_error > 0.0)) continue;
-    if (std::abs(estimate.value) > estimate.standard_error) return false;
+    if (std::abs(estimate.value) > kToldApart * estimate.standard_error) return false;
     any = true;
   }
   return any;
@@ -587,6 +617,13 @@ bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
          gains_nothing_kept_out(effect, diagnosis);
 }
 
+bool has_no_confirmed_law(const Diagnosis& diagnosis) {
+  return !diagnosis.effects.empty() && diagnosis.late_channels.empty() &&
+         std::ranges::all_of(diagnosis.effects, [&](const FoundEffect& effect) {
+           return is_doubtful(effect, diagnosis);
+         });
+}
+
 namespace {
 
 // "the motion of slow at half its amplitude and twice its speed, joint_2 alone".
@@ -667,10 +704,13 @@ std::string next_experiment_words(const NextExperiment& next, const std::string&
   const double count = std::max(1.0, next.recordings_needed);
   constexpr double kMost = 10.0;  // that anyone makes
   if (count > kMost) {
+    constexpr double kUncounted = 1000.0;
+    const std::string needed =
+        count > kUncounted ? "however many" : fmt::format("{:.0f} more would be needed", count);
     return fmt::format(
-        "To tell {}: such recordings will not, {:.0f} more would be needed; change the motion "
-        "(reverse it, other speeds and loads) or add a sensor.",
-        what, count);
+        "To tell {}: such recordings will not, {}; change the motion (reverse it, other speeds and "
+        "loads) or add a sensor.",
+        what, needed);
   }
   const bool is_motion = !next.shares.empty() && !next.shares.front().option.recording.empty();
   return fmt::format(
@@ -693,7 +733,8 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
-  if (!is_determined(estimate) && error > kSaysNothing * std::abs(estimate.value)) {
+  const bool is_absurd = error >= kBeyondPlain && error > kSaysNothing * std::abs(estimate.value);
+  if ((!is_determined(estimate) && error > kSaysNothing * std::abs(estimate.value)) || is_absurd) {
     return fmt::format("not determined (fitted at {:.2g}{})", estimate.value, unit);
   }
   // Decimals of the value, in units of a common power of ten, so that the error shows two digits.

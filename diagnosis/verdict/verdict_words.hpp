@@ -27,6 +27,8 @@ namespace graybox {
 // Whether a law of the last fit is called "Not confirmed", not "Found": recordings kept out speak
 // against it, nothing is predicted with it, or no size of it is told from zero.
 [[nodiscard]] bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis);
+// Whether laws are told, none of them is "Found", and no channel is late.
+[[nodiscard]] bool has_no_confirmed_law(const Diagnosis& diagnosis);
 
 // The verdict in one sentence.
 [[nodiscard]] std::string headline(const Diagnosis& diagnosis);

@@ -25,9 +25,10 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kSuspicious = 0.1;   // relative error
-constexpr double kSettled = 0.6;      // of that
-constexpr double kSettledBoth = 0.4;  // forces and motions exchanged: as masses that are unknown
+constexpr double kSuspicious = 0.1;     // relative error
+constexpr double kSettled = 0.6;        // of that
+constexpr double kSettledBoth = 0.4;    // forces and motions exchanged: as masses that are unknown
+constexpr double kSettledMotion = 0.4;  // a motion turned: short logs of few poses allow either
 constexpr double kLargestSettled = 0.6;
 constexpr double kAlike = 1.25;        // ratio of errors: either fault may be the one
 constexpr double kErrors = 3.0;        // that what can't be negative is below zero
@@ -200,6 +201,7 @@ class Detective {
     for (Index j = 0; j < joints_ && joints_ > 1; ++j) {
       for (const auto& [force, motion] : {std::pair{true, false}, {false, true}, {true, true}}) {
         Suspicion flipped{wiring_, {j}, {}, 0.0};
+        if (!force) flipped.settled = kSettledMotion;
         if (force) {
           flipped.wiring.force_factors(j) *= -1.0;
           flipped.fault.channels.push_back(force_name(j));

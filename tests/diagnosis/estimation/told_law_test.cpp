@@ -89,6 +89,17 @@ TEST(ToldLaw, ASignalThatIsAsLateAsMayBeIsNotLate) {
                                 fit_with("coulomb", {0.3, 0.01}).model.laws.front()));
 }
 
+// 1 + c |s|/reference, with the largest |s| as the reference: at c = -1 the drive gives nothing.
+TEST(ToldLaw, ADriveWhoseGainTurnsIsNone) {
+  const auto turns = [](double curvature) {
+    const PredictionFit fit = fit_with("curved_gain", {curvature, 2.0}, 0);
+    return turns_its_drive(fit, fit.model.laws.front());
+  };
+  EXPECT_TRUE(turns(-6.8));
+  EXPECT_FALSE(turns(-0.66));
+  EXPECT_FALSE(turns(0.5));
+}
+
 TEST(ToldLaw, AWaveLongerThanTheWayIsNone) {
   const auto is_longer = [](double period, double way) {
     const PredictionFit fit = fit_with("ripple", {1.0, period, 0.0});

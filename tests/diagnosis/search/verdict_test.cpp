@@ -242,6 +242,59 @@ TEST(AnswerAdvice, CallsAConstantForceDryFrictionWhereTheMotionGoesOneWay) {
   EXPECT_EQ(said(0.0, 20.0, true), 0U);
 }
 
+// In one sweep at one speed a place is a moment; there and back, or from rest, it is not.
+TEST(AnswerAdvice, SaysThatALawOfTheWayMayBeAChangeWithTime) {
+  const std::vector<Hypothesis> hypotheses{{"axis", "", "cubic_spring", {}},
+                                           {"axis", "", "coulomb", {}}};
+  const auto said = [&](double from, double to, std::size_t law) {
+    Diagnosis diagnosis;
+    diagnosis.checked.recorded = {{"velocity of axis", "rad/s", from, to}};
+    diagnosis.effects.push_back({{law, {}}, 0.9, 10.0, {}, {}, {}});
+    tell_one_way_forces(hypotheses, diagnosis);
+    return diagnosis.assumptions.size();
+  };
+  EXPECT_EQ(said(7.1e-4, 9.9e-4, 0), 1U);
+  EXPECT_EQ(said(-2.0, -1.1, 0), 1U);
+  EXPECT_EQ(said(0.2, 2.0, 0), 0U);
+  EXPECT_EQ(said(-2.0, 2.0, 0), 0U);
+  EXPECT_EQ(said(1.0, 1.1, 1), 0U);
+}
+
+// A law that is told and not confirmed explains nothing; one beside it that is confirmed does.
+TEST(AnswerAdvice, ExplainsNothingByLawsThatAreNotConfirmed) {
+  for (const bool is_one_confirmed : {false, true}) {
+    Diagnosis diagnosis = explained();
+    diagnosis.noise_is_known = false;
+    diagnosis.validation_before = diagnosis.validation_after = Assessment{};
+    diagnosis.validation_before->nrmse = diagnosis.validation_after->nrmse = 1.5;
+    diagnosis.effects.resize(1);
+    diagnosis.effects[0].held_out = HeldOutEffect{1.492, 1.503, -0.01};
+    if (is_one_confirmed) {
+      diagnosis.effects.push_back(diagnosis.effects[0]);
+      diagnosis.effects[1].held_out = HeldOutEffect{20.0, 1.503, 0.99};
+    }
+    diagnosis.reasons = {{.test = "laws found",
+                          .value = 1.0,
+                          .limit = 1.0,
+                          .is_lower_limit = true,
+                          .passed = true,
+                          .not_tested = {},
+                          .otherwise = Verdict::kUnknown,
+                          .next = {}}};
+    require_confirmed_laws(diagnosis);
+    EXPECT_EQ(diagnosis.verdict, is_one_confirmed ? Verdict::kExplained : Verdict::kUnknown);
+    EXPECT_EQ(headline(diagnosis).find("nothing is shown to be missing") != std::string::npos,
+              !is_one_confirmed)
+        << headline(diagnosis);
+  }
+}
+
+// What is determined to 1 in 10 at least is no place at ten thousand kilometres.
+TEST(VerdictWords, WriteNoNumbersWithoutDigits) {
+  EXPECT_EQ(estimate_words({"y", "m", 3e8, 4.7e10}), "not determined (fitted at 3e+08 m)");
+  EXPECT_EQ(estimate_words({"x", "m", 0.001, 0.02}), "0.001 ± 0.020 m");
+}
+
 TEST(VerdictWords, SayItAsAnEngineerWould) {
   const auto sentence = [](const char* place, const char* law, double value) {
     const Hypothesis hypothesis{place, "", law, {}};
