@@ -125,9 +125,8 @@ double CriterionFrame::eigenvalue_value() {
   return 2.0 * std::log(largest) + f;
 }
 
-double CriterionFrame::region_value() {
+double CriterionFrame::largest_variance() {
   variance_.resize(row_counts_.size());
-  share_.resize(row_counts_.size());
   double largest = 0.0;
   for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
     variance_[j] =
@@ -135,6 +134,12 @@ double CriterionFrame::region_value() {
             .squaredNorm();
     largest = std::max(largest, variance_[j]);
   }
+  return largest;
+}
+
+double CriterionFrame::region_value() {
+  const double largest = largest_variance();
+  share_.resize(row_counts_.size());
   if (barrier_) {
     std::vector<double> relative(variance_.size());
     for (std::size_t j = 0; j < relative.size(); ++j) relative[j] = variance_[j] / largest;
@@ -171,6 +176,15 @@ double CriterionFrame::value(const InverseCholesky& inverse) {
   const Index s = k_.cols();
   return 2.0 * qr_.matrixQR().diagonal().head(s).cwiseAbs().array().log().sum() /
          static_cast<double>(s);
+}
+
+double CriterionFrame::sharp_value(const InverseCholesky& inverse) {
+  if (!is_smoothed()) return value(inverse);
+  whiten(inverse);
+  if (form_ == Form::kRegion) return std::log(largest_variance());
+  dual_matrix_.noalias() = whitened_ * whitened_.transpose();
+  eigen_.compute(dual_matrix_, Eigen::EigenvaluesOnly);
+  return std::log(eigen_.eigenvalues().maxCoeff());
 }
 
 double CriterionFrame::compute(const InverseCholesky& inverse) {
