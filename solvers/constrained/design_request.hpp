@@ -89,7 +89,8 @@ struct DesignRequest {
 [[nodiscard]] std::string content_hash(const DesignConstraints& constraints);
 
 // The object "request" of a design file: the request with file names relative to `folder`, its
-// numbers under "numbers" with the names of RequestedNumbers, and `constraints_hash`. The inverse throws InputError.
+// numbers under "numbers" with the names of RequestedNumbers, and `constraints_hash`. The inverse
+// throws InputError.
 [[nodiscard]] nlohmann::ordered_json to_json(const DesignRequest& request,
                                              const DesignConstraints& constraints,
                                              const std::filesystem::path& folder);
