@@ -137,6 +137,7 @@ py::dict solve_floors(const PythonSet& python_set, const std::string& solver,
   const bool answer = has_answer(solution);
   fields["weights"] = answer ? py::object(array_of(std::vector<double>(solution.design.weights)))
                              : py::object(py::none());
+  fields["dual_matrix"] = array_of(std::vector<double>(solution.design.dual_matrix));
   if (answer) {
     fields["writer"] =
         DesignWriter{[information = held(python_set), &set, design = std::move(solution.design),
