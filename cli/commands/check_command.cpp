@@ -100,23 +100,6 @@ int check_exact(const CheckArguments& arguments, const ProjectedSet& read, const
   return held && solution.status != ExactStatus::kSingular ? kDone : kShort;
 }
 
-// Phi of an exact design against the relaxed optimum's, from above.
-double efficiency_of_exact(const InformationSet& set, const ConstrainedReport& report) {
-  const Criterion& criterion = report.report.options.criterion;
-  if (report.report.certificate.status != CertificateStatus::kCertified) return 0.0;
-  SolveOptions options;
-  options.criterion = criterion;
-  const ConstrainedSolution relaxed = solve_constrained(set, report.constraints, options);
-  if (relaxed.efforts.empty()) return 0.0;
-  const Certificate best =
-      certify_constrained(set, relaxed.efforts, report.constraints, criterion).certificate;
-  if (best.status != CertificateStatus::kCertified) return 0.0;
-  const std::size_t d = set.dimension();
-  const double loss = log_phi(best, criterion, d) + std::log1p(largest_gap(best)) -
-                      log_phi(report.report.certificate, criterion, d);
-  return std::exp(-std::max(loss, 0.0));
-}
-
 // What the relaxed problem proves of an exact design.
 struct ExactProof {
   bool is_exact = false;
@@ -181,7 +164,7 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   ExactProof proof{.is_exact = read_exact_claim(arguments.design, set, file.design).has_value(),
                    .efficiency = report.report.certificate.efficiency};
   if (proof.is_exact) {
-    proof.efficiency = std::max(proof.efficiency, efficiency_of_exact(set, report));
+    proof.efficiency = std::max(proof.efficiency, relaxed_efficiency(set, report));
   }
   if (shown.has_page()) shown.write_page(constrained_story(set, report), files_of(arguments));
   if (shown.has_table()) {
@@ -281,8 +264,7 @@ int check(const CheckArguments& arguments, const Invocation& invocation) {
   std::optional<ConstrainedClaim> request = read_constrained_claim(arguments.design);
   if (!request.has_value() && arguments.request.read().any()) request.emplace();
   const bool has_prior =
-      arguments.request.has_prior() ||
-      (request.has_value() && !(request->request.prior.empty() && request->request.done.empty()));
+      arguments.request.has_prior() || (request.has_value() && request->request.has_prior());
   const ProjectedSet read = read_set(
       arguments.set, has_prior ? SingularSum::kAllowed : SingularSum::kRefused, FactorForm::kKept);
   const InformationSet& set = read.set;

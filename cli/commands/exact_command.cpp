@@ -265,7 +265,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
       ->add_option("--method", arguments->method,
                    "rounding, efficient_rounding, exchange or branch_and_bound")
       ->capture_default_str();
-  command->add_option("--gap", options.gap, "proven loss of D-efficiency to stop at")
+  command->add_option("--gap", options.gap, "proven loss of efficiency to stop at")
       ->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   add_threads(*command, options.threads);
@@ -282,6 +282,8 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
       "Exit code 1: time was up (the bound reached is stated), or no regular design was found.\n"
       "Examples:\n"
       "  graybox exact set.h5 --experiments 20 --time-limit 300 --report design.html\n"
+      "  graybox exact set.h5 --experiments 20 --criterion E --gap 0.01\n"
+      "  graybox exact set.h5 --experiments 20 --criterion G --region points.csv --gap 0.01\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });

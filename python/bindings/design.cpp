@@ -14,11 +14,13 @@
 
 #include "problems/base/error.hpp"
 #include "python/bindings/call.hpp"
+#include "python/bindings/design_files.hpp"
 #include "python/bindings/information.hpp"
 #include "python/bindings/plain_objects.hpp"
 #include "solvers/column_generation/column_generation.hpp"
 #include "solvers/constrained/constrained_design_file.hpp"
 #include "solvers/core/warm_start.hpp"
+#include "solvers/floors/floored_design.hpp"
 #include "solvers/registry.hpp"
 #include "solvers/report/design_file.hpp"
 #include "solvers/report/solve_report.hpp"
@@ -70,20 +72,6 @@ py::array_t<double> array_of_trace(std::span<const TracePoint> trace) {
   return rows;
 }
 
-py::dict fields_of_report(const SolveReport& report) {
-  py::dict fields;
-  fields["solver"] = report.solver;
-  fields["status"] = to_string(report.status);
-  fields["message"] = report.message;
-  fields["criterion"] = to_string(report.options.criterion.kind());
-  fields["asked_gap"] = report.options.duality_gap;
-  fields["seconds"] = report.counters.seconds;
-  fields["passes"] = report.counters.passes;
-  fields["iterations"] = report.counters.iterations;
-  fields["certificate"] = fields_of(report.certificate);
-  return fields;
-}
-
 py::dict solve_request(const PythonSet& python_set, const std::string& solver,
                        const SolveOptions& options, DesignRequest request, Call& call) {
   const InformationSet& set = python_set.set();
@@ -101,14 +89,76 @@ py::dict solve_request(const PythonSet& python_set, const std::string& solver,
     return judge_constrained(set, solver, options, std::move(solution), std::move(request),
                              std::move(constraints));
   });
-  py::dict fields = fields_of_report(report.report);
+  py::dict fields = fields_of(report.report);
   fields["interrupted"] = call.interrupted();
   fields["trace"] = array_of_trace(trace);
   fields["weights"] = report.efforts.empty() ? py::object(py::none())
                                              : py::object(array_of(report.weights().weights));
   fields["multipliers"] = array_of(report.proof.multipliers);
-  fields["efforts"] = array_of(std::move(report.efforts));
+  fields["efforts"] = array_of(std::vector<double>(report.efforts));
+  if (!report.efforts.empty()) {
+    fields["writer"] = DesignWriter{
+        [information = held(python_set), &set, report = std::move(report)](const auto& path) {
+          ConstrainedReport named = report;
+          named.report.problem_hash = set.content_hash();
+          write_constrained_design(path, set, named);
+        }};
+  }
   return fields;
+}
+
+// Under floors of other criteria.
+py::dict solve_floors(const PythonSet& python_set, const std::string& solver,
+                      const SolveOptions& options, std::vector<EfficiencyFloor> floors,
+                      Call& call) {
+  const InformationSet& set = python_set.set();
+  if (solver != ColumnGeneration().name()) {
+    throw InputError(
+        fmt::format("{} can't take floors; use {}", solver, ColumnGeneration().name()));
+  }
+  SolveWatch watch(call, solver);
+  Solution solution;
+  FlooredCertificate proof;
+  SolveReport report = call.run([&] {
+    solution = solve_floored(set, options, floors, &watch);
+    SolveReport judged = judge(set, solver, options, solution);
+    proof = certify_floored(set, solution.design, options.criterion, floors, options.duality_gap);
+    judged.certificate = proof.certificate;
+    judged.status = judge(solution.status, options.duality_gap, proof.certificate);
+    judged.message = stop_was_asked_for()       ? kInterrupted
+                     : solution.message.empty() ? proof.certificate.message
+                                                : solution.message;
+    return judged;
+  });
+  py::dict fields = fields_of(report);
+  fields["interrupted"] = call.interrupted();
+  fields["trace"] = array_of_trace(solution.trace);
+  fields["floors"] = floor_list(floors, proof.efficiencies);
+  const bool answer = has_answer(solution);
+  fields["weights"] = answer ? py::object(array_of(std::vector<double>(solution.design.weights)))
+                             : py::object(py::none());
+  fields["dual_matrix"] = array_of(std::vector<double>(solution.design.dual_matrix));
+  if (answer) {
+    fields["writer"] =
+        DesignWriter{[information = held(python_set), &set, design = std::move(solution.design),
+                      report = std::move(report), floors = std::move(floors)](const auto& path) {
+          SolveReport named = report;
+          named.problem_hash = set.content_hash();
+          write_floored_design(path, set, design, named, floors);
+        }};
+  }
+  return fields;
+}
+
+// Throws InputError for what floors and a start don't go with.
+void require_alone(bool has_floors, bool has_start, const DesignRequest& request) {
+  if (has_floors && request.any()) {
+    throw InputError("floor can't be combined with constraints, costs or earlier trials");
+  }
+  if (has_start && has_floors) throw InputError("start can't be combined with floor");
+  if (has_start && request.any()) {
+    throw InputError("start can't be combined with constraints, costs or earlier trials");
+  }
 }
 
 py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py::dict& asked,
@@ -119,17 +169,18 @@ py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py:
   SolveOptions options = options_of(arguments, set);
   DesignRequest request = request_of(asked);
   require_regular(python_set, request);
+  std::vector<EfficiencyFloor> floors = floors_of(arguments, set);
   std::vector<double> start;  // outlives the run
-  if (arguments.contains("start") && !arguments["start"].is_none()) {
-    if (request.any()) {
-      throw InputError("start can't be combined with constraints, costs or earlier trials");
-    }
+  const bool has_start = arguments.contains("start") && !arguments["start"].is_none();
+  require_alone(!floors.empty(), has_start, request);
+  if (has_start) {
     start = number_list(arguments["start"], "start");
     require_start(start, set, solver);
     options.start = start;
   }
   Call call(progress);
   if (request.any()) return solve_request(python_set, name, options, std::move(request), call);
+  if (!floors.empty()) return solve_floors(python_set, name, options, std::move(floors), call);
   SolveWatch watch(call, name);
   Solution solution;
   const SolveReport report = call.run([&] {
@@ -139,7 +190,7 @@ py::dict solve(const PythonSet& python_set, const py::dict& arguments, const py:
     }
     return judge(set, solver.name(), options, solution);
   });
-  py::dict fields = fields_of_report(report);
+  py::dict fields = fields_of(report);
   fields["interrupted"] = call.interrupted();
   fields["trace"] = array_of_trace(solution.trace);
   const bool answer = has_answer(solution);
@@ -164,9 +215,15 @@ py::dict certify_weights(const PythonSet& python_set, const py::object& weights,
   if (arguments.contains("dual_matrix") && !arguments["dual_matrix"].is_none()) {
     design.dual_matrix = number_list(arguments["dual_matrix"], "dual_matrix");
   }
+  const std::vector<EfficiencyFloor> floors = floors_of(arguments, set);
+  require_alone(!floors.empty(), false, request);
   Call call{py::none()};
   ConstrainedCertificate proof;
-  if (request.any()) {
+  FlooredCertificate floored;
+  if (!floors.empty()) {
+    floored = call.run([&] { return certify_floored(set, design, criterion, floors, gap); });
+    proof.certificate = floored.certificate;
+  } else if (request.any()) {
     const DesignConstraints constraints = resolve(request, set);
     proof = call.run(
         [&] { return certify_constrained(set, design.weights, constraints, criterion, gap); });
@@ -176,6 +233,7 @@ py::dict certify_weights(const PythonSet& python_set, const py::object& weights,
   py::dict fields = fields_of(proof.certificate);
   fields["violation"] = proof.violation;
   fields["proves_gap"] = proves(proof.certificate, gap);
+  fields["floors"] = floor_list(floors, floored.efficiencies);
   if (call.interrupted()) throw Stopped();
   return fields;
 }
@@ -199,21 +257,13 @@ void save_design(const PythonSet& python_set, const py::dict& arguments, const p
   write_design(path, set, design, report);
 }
 
-SolveStatus claim_of(const std::string& name) {
-  for (const SolveStatus status : {SolveStatus::kSolved, SolveStatus::kIterationLimit,
-                                   SolveStatus::kTimeLimit, SolveStatus::kNumericalFailure}) {
-    if (to_string(status) == name) return status;
-  }
-  return SolveStatus::kNumericalFailure;
-}
-
 // The verdict on what a solver of the user's claims.
 py::dict judge_claim(const PythonSet& python_set, const py::object& weights,
                      const std::string& claim, double gap) {
   SolveOptions options;
   options.duality_gap = gap;
   const Solution solution{.design = {.weights = number_list(weights, "weights")},
-                          .status = claim_of(claim),
+                          .status = solve_status(claim),
                           .trace = {},
                           .counters = {},
                           .message = {}};
@@ -221,7 +271,7 @@ py::dict judge_claim(const PythonSet& python_set, const py::object& weights,
   const SolveReport report =
       call.run([&] { return judge(python_set.set(), "", options, solution); });
   if (call.interrupted()) throw Stopped();
-  return fields_of_report(report);
+  return fields_of(report);
 }
 
 // The library's rule (certificate.hpp), for figures that Python has.
@@ -270,6 +320,42 @@ py::dict fields_of(const Certificate& certificate) {
   fields["renormalised"] = certificate.renormalised;
   fields["message"] = certificate.message;
   return fields;
+}
+
+py::dict fields_of(const SolveReport& report) {
+  py::dict fields;
+  fields["solver"] = report.solver;
+  fields["status"] = to_string(report.status);
+  fields["message"] = report.message;
+  fields["criterion"] = to_string(report.options.criterion.kind());
+  fields["asked_gap"] = report.options.duality_gap;
+  fields["seconds"] = report.counters.seconds;
+  fields["passes"] = report.counters.passes;
+  fields["iterations"] = report.counters.iterations;
+  fields["certificate"] = fields_of(report.certificate);
+  return fields;
+}
+
+py::list floor_list(std::span<const EfficiencyFloor> floors, std::span<const double> efficiencies) {
+  py::list list;
+  for (std::size_t k = 0; k < floors.size(); ++k) {
+    py::dict each;
+    each["criterion"] = to_string(floors[k].criterion.kind());
+    each["share"] = floors[k].share;
+    each["multiplier"] = floors[k].multiplier;
+    each["efficiency"] =
+        k < efficiencies.size() ? py::object(py::float_(efficiencies[k])) : py::object(py::none());
+    list.append(each);
+  }
+  return list;
+}
+
+SolveStatus solve_status(const std::string& name) {
+  for (const SolveStatus status : {SolveStatus::kSolved, SolveStatus::kIterationLimit,
+                                   SolveStatus::kTimeLimit, SolveStatus::kNumericalFailure}) {
+    if (to_string(status) == name) return status;
+  }
+  return SolveStatus::kNumericalFailure;
 }
 
 void add_design(py::module_& module) {

@@ -12,6 +12,7 @@
 
 #include "problems/base/error.hpp"
 #include "python/bindings/call.hpp"
+#include "python/bindings/design_files.hpp"
 #include "python/bindings/information.hpp"
 #include "python/bindings/plain_objects.hpp"
 #include "solvers/constrained_exact/constrained_exact_file.hpp"
@@ -36,21 +37,9 @@ ExactOptions options_of(const py::dict& arguments) {
   return options;
 }
 
-py::dict fields_of_exact(const ExactCertificate& certificate) {
-  py::dict fields;
-  fields["status"] = to_string(certificate.status);
-  fields["experiments"] = certificate.experiments;
-  fields["support_size"] = certificate.support_size;
-  fields["log_det"] = certificate.log_det;
-  fields["rounding_bound"] = certificate.rounding_bound;
-  fields["bound"] = certificate.log_det_bound;
-  fields["efficiency"] = certificate.proven_efficiency;
-  fields["message"] = certificate.message;
-  return fields;
-}
-
-py::dict plain_exact(const InformationSet& set, const std::string& method_name,
+py::dict plain_exact(const PythonSet& python_set, const std::string& method_name,
                      const ExactOptions& options, Call& call) {
+  const InformationSet& set = python_set.set();
   const ExactMethod& method = exact_method(method_name);
   require_exact_options(options);
   ExactWatch watch(call, method_name);
@@ -74,14 +63,21 @@ py::dict plain_exact(const InformationSet& set, const std::string& method_name,
   fields["nodes"] = report.solution.nodes;
   fields["seconds"] = report.solution.seconds;
   fields["designs"] = py::list();
-  fields["counts"] = report.solution.status == ExactStatus::kSingular
-                         ? py::object(py::none())
-                         : py::object(array_of(std::move(report.solution.design.counts)));
+  fields["counts"] = py::none();
+  if (report.solution.status == ExactStatus::kSingular) return fields;
+  fields["counts"] = array_of(std::vector<std::int64_t>(report.solution.design.counts));
+  fields["writer"] = DesignWriter{
+      [information = held(python_set), &set, report = std::move(report)](const auto& path) {
+        ExactReport named = report;
+        named.share.problem_hash = set.content_hash();
+        write_exact_design(path, set, named);
+      }};
   return fields;
 }
 
-py::dict requested_exact(const InformationSet& set, const ConstrainedExactOptions& options,
+py::dict requested_exact(const PythonSet& python_set, const ConstrainedExactOptions& options,
                          DesignRequest request, Call& call) {
+  const InformationSet& set = python_set.set();
   DesignConstraints constraints = resolve(request, set);
   ExactWatch watch(call, "branch_and_bound");
   ConstrainedExactReport report = call.run([&] {
@@ -94,8 +90,8 @@ py::dict requested_exact(const InformationSet& set, const ConstrainedExactOption
                                     std::move(constraints));
   });
   py::list designs;
-  for (RankedDesign& design : report.solution.designs) {
-    designs.append(array_of(std::move(design.counts)));
+  for (const RankedDesign& design : report.solution.designs) {
+    designs.append(array_of(std::vector<std::int64_t>(design.counts)));
   }
   py::dict fields;
   fields["interrupted"] = call.interrupted();
@@ -104,12 +100,20 @@ py::dict requested_exact(const InformationSet& set, const ConstrainedExactOption
   const Certificate& certificate = report.share.report.certificate;
   fields["criterion_value"] = certificate.criterion_value;
   fields["log_det"] = certificate.log_det;
-  fields["bound"] = py::none();
+  fields["bound"] = value_bound(certificate.criterion_value, report.proven_efficiency,
+                                options.criterion, set.dimension());
   fields["efficiency"] = report.proven_efficiency;
   fields["nodes"] = report.solution.nodes;
   fields["seconds"] = report.solution.seconds;
   fields["designs"] = designs;
   fields["counts"] = py::len(designs) == 0 ? py::object(py::none()) : py::object(designs[0]);
+  if (py::len(designs) == 0 || !(report.share.experiments() > 0.0)) return fields;
+  fields["writer"] = DesignWriter{
+      [information = held(python_set), &set, report = std::move(report)](const auto& path) {
+        ConstrainedExactReport named = report;
+        named.share.report.problem_hash = set.content_hash();
+        write_constrained_exact(path, set, named);
+      }};
   return fields;
 }
 
@@ -132,7 +136,7 @@ py::dict exact(const PythonSet& python_set, const py::dict& arguments, const py:
       throw InputError(fmt::format("experiments: {} is no whole number", *request.experiments));
     }
     options.experiments = static_cast<std::int64_t>(*request.experiments);
-    return plain_exact(set, method, options, call);
+    return plain_exact(python_set, method, options, call);
   }
   if (method != "branch_and_bound") {
     throw InputError("constraints, other criteria and top go with branch_and_bound alone");
@@ -140,7 +144,7 @@ py::dict exact(const PythonSet& python_set, const py::dict& arguments, const py:
   if (!request.number() && !request.budget) {
     throw InputError("experiments: say how many (experiments), or what they may cost (budget)");
   }
-  return requested_exact(set,
+  return requested_exact(python_set,
                          {.gap = options.gap,
                           .time_limit = options.time_limit,
                           .seed = options.seed,
@@ -161,19 +165,66 @@ std::vector<std::int64_t> counts_of(const py::object& counts) {
   return whole;
 }
 
-py::dict certify_counts(const PythonSet& python_set, const py::object& counts, double bound) {
+// Under a request, or for another criterion than D.
+py::dict certify_request(const InformationSet& set, std::vector<std::int64_t> counts,
+                         const Criterion& criterion, DesignRequest request) {
+  if (!request.number() && !request.budget) {
+    request.experiments = static_cast<double>(ExactDesign{counts}.experiments());
+  }
+  ConstrainedSolution solution;
+  solution.efforts.assign(counts.begin(), counts.end());
+  solution.status = SolveStatus::kTimeLimit;  // nothing is claimed
+  SolveOptions options;
+  options.criterion = criterion;
+  DesignConstraints constraints = resolve(request, set);
+  Call call{py::none()};
+  double efficiency = 0.0;
+  const ConstrainedReport report = call.run([&] {
+    ConstrainedReport judged = judge_constrained(set, "", options, std::move(solution),
+                                                 std::move(request), std::move(constraints));
+    efficiency = relaxed_efficiency(set, judged);
+    return judged;
+  });
+  if (call.interrupted()) throw Stopped();
+  return fields_of_exact_check(set, report, efficiency);
+}
+
+py::dict certify_counts(const PythonSet& python_set, const py::object& counts, double bound,
+                        const py::dict& arguments, const py::dict& asked) {
   const InformationSet& set = python_set.set();
-  require_regular(python_set, {});
-  const ExactDesign design{counts_of(counts)};
+  const Criterion criterion = criterion_of(arguments, set);
+  DesignRequest request = request_of(asked);
+  require_regular(python_set, request);
+  ExactDesign design{counts_of(counts)};
+  DesignRequest beyond_number = request;
+  beyond_number.experiments.reset();
+  const bool has_other_number =
+      request.experiments && *request.experiments != static_cast<double>(design.experiments());
+  if (beyond_number.any() || has_other_number || criterion.kind() != CriterionKind::kD) {
+    return certify_request(set, std::move(design.counts), criterion, std::move(request));
+  }
   Call call{py::none()};
   const ExactCertificate certificate = call.run([&] {
     return certify_exact(set, design, design.experiments(), solve_relaxation(set), bound);
   });
   if (call.interrupted()) throw Stopped();
-  return fields_of_exact(certificate);
+  return fields_of(certificate);
 }
 
 }  // namespace
+
+py::dict fields_of(const ExactCertificate& certificate) {
+  py::dict fields;
+  fields["status"] = to_string(certificate.status);
+  fields["experiments"] = certificate.experiments;
+  fields["support_size"] = certificate.support_size;
+  fields["log_det"] = certificate.log_det;
+  fields["rounding_bound"] = certificate.rounding_bound;
+  fields["bound"] = certificate.log_det_bound;
+  fields["efficiency"] = certificate.proven_efficiency;
+  fields["message"] = certificate.message;
+  return fields;
+}
 
 void add_exact(py::module_& module) {
   module.def("exact", &exact);

@@ -3,7 +3,11 @@
 
 #include <pybind11/pybind11.h>
 
+#include "solvers/exact/exact_certificate.hpp"
+
 namespace graybox::python {
+
+[[nodiscard]] pybind11::dict fields_of(const ExactCertificate& certificate);
 
 void add_exact(pybind11::module_& module);
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <utility>
 
@@ -308,6 +309,7 @@ void take_block_sizes(const py::object& value, std::string& words) {
     words = text_of(value);
     return;
   }
+  words.clear();
   for (const double size : number_list(value, "block_sizes")) {
     words += fmt::format("{}{:g}", words.empty() ? "" : ", ", size);
   }
@@ -321,6 +323,26 @@ py::object factors_of(const py::object& self) {
                  set.factors(), self);
   view.attr("flags").attr("writeable") = false;
   return view;
+}
+
+// Names of criteria with a number each; empty for None.
+std::vector<std::pair<CriterionKind, double>> shares_of(const py::object& value, const char* name) {
+  std::vector<std::pair<CriterionKind, double>> out;
+  if (value.is_none()) return out;
+  if (!py::isinstance<py::dict>(value)) {
+    throw InputError(fmt::format("{}: expected a dict of criteria, as {{'A': 0.9}}", name));
+  }
+  for (const auto& [key, number] : py::cast<py::dict>(value)) {
+    out.emplace_back(criterion_kind(std::string(py::str(key))), py::cast<double>(number));
+  }
+  return out;
+}
+
+// Files named beside a request are those of the working folder.
+std::string from_here(const std::string& name) {
+  std::error_code error;
+  if (name.empty() || !std::filesystem::exists(name, error)) return name;
+  return std::filesystem::absolute(name).string();
 }
 
 // Throws InputError for what none of the criteria takes.
@@ -400,13 +422,16 @@ std::vector<double> number_list(const py::handle& value, const std::string& name
 
 Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
   const py::object given = argument(arguments, "criterion");
+  std::vector<CriterionKind> kinds;
+  for (const auto& [kind, share] : shares_of(argument(arguments, "floor"), "floor")) {
+    kinds.push_back(kind);
+  }
   if (!py::isinstance<py::dict>(given)) {
-    const CriterionKind kind = criterion_kind(text_of(given));
-    require_taken(arguments, {kind});
-    return criterion_of_kind(kind, arguments, set);
+    kinds.push_back(criterion_kind(text_of(given)));
+    require_taken(arguments, kinds);
+    return criterion_of_kind(kinds.back(), arguments, set);
   }
   std::vector<CriterionPart> parts;
-  std::vector<CriterionKind> kinds;
   for (const auto& [name, share] : py::cast<py::dict>(given)) {
     kinds.push_back(criterion_kind(std::string(py::str(name))));
     parts.push_back({py::cast<double>(share), criterion_of_kind(kinds.back(), arguments, set)});
@@ -415,9 +440,26 @@ Criterion criterion_of(const py::dict& arguments, const InformationSet& set) {
   return Criterion::compound(std::move(parts));
 }
 
+std::vector<EfficiencyFloor> floors_of(const py::dict& arguments, const InformationSet& set) {
+  std::vector<EfficiencyFloor> floors;
+  const auto multipliers = shares_of(argument(arguments, "floor_multipliers"), "floor_multipliers");
+  for (const auto& [kind, share] : shares_of(argument(arguments, "floor"), "floor")) {
+    EfficiencyFloor& floor = floors.emplace_back();
+    floor.share = share;
+    floor.criterion = criterion_of_kind(kind, arguments, set);
+    for (const auto& [other, multiplier] : multipliers) {
+      if (other == kind) floor.multiplier = multiplier;
+    }
+  }
+  return floors;
+}
+
 DesignRequest request_of(const py::dict& arguments) {
   DesignRequest request;
   if (arguments.empty()) return request;
+  const py::object file = argument(arguments, "request");
+  if (!file.is_none()) request = read_design_request(text_of(file));
+  const bool elsewhere = !file.is_none();
   const auto number = [&](const char* name, std::optional<double>& to) {
     const py::object value = argument(arguments, name);
     if (!value.is_none()) to = py::cast<double>(value);
@@ -425,22 +467,31 @@ DesignRequest request_of(const py::dict& arguments) {
   number("experiments", request.experiments);
   number("budget", request.budget);
   const py::object prior = argument(arguments, "prior");
+  if (!prior.is_none()) request.prior.clear();  // the file's
   if (is_text(prior)) {
-    request.prior = text_of(prior);
+    request.prior = elsewhere ? from_here(text_of(prior)) : text_of(prior);
   } else if (!prior.is_none()) {
     request.numbers.prior = packed_matrix(prior);
   }
-  take(argument(arguments, "done"), "done", request.done, request.numbers.done);
-  take(argument(arguments, "costs"), "costs", request.costs, request.numbers.costs);
-  take(argument(arguments, "stock"), "stock", request.stock, request.numbers.stock);
+  const auto take_either = [&](const char* name, std::string& text, std::vector<double>& values) {
+    const py::object value = argument(arguments, name);
+    if (value.is_none()) return;
+    text.clear();  // the file's
+    take(value, name, text, values);
+    if (elsewhere) text = from_here(text);
+  };
+  take_either("done", request.done, request.numbers.done);
+  take_either("costs", request.costs, request.numbers.costs);
+  take_either("stock", request.stock, request.numbers.stock);
   std::vector<double> none;
   take(argument(arguments, "require"), "require", request.require, none);
   take(argument(arguments, "forbid"), "forbid", request.forbid, none);
   take_block_sizes(argument(arguments, "block_sizes"), request.block_sizes);
   const py::object constraints = argument(arguments, "constraints");
   if (is_text(constraints)) {
-    request.constraints_file = text_of(constraints);
+    request.constraints_file = elsewhere ? from_here(text_of(constraints)) : text_of(constraints);
   } else if (!constraints.is_none()) {
+    request.constraints.clear();  // the file's
     for (const py::handle& entry : constraints) {
       request.constraints.push_back(constraint_of(entry));
     }

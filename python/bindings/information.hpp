@@ -10,6 +10,7 @@
 #include "problems/information/semidefinite_projection.hpp"
 #include "solvers/constrained/design_request.hpp"
 #include "solvers/core/criterion.hpp"
+#include "solvers/floors/efficiency_floor.hpp"
 
 namespace graybox::python {
 
@@ -34,8 +35,14 @@ void require_regular(const PythonSet& set, const DesignRequest& request);
 // and p. Throws InputError.
 [[nodiscard]] Criterion criterion_of(const pybind11::dict& arguments, const InformationSet& set);
 
-// `arguments`: experiments, budget, prior, done, costs, stock, require, forbid, block_sizes,
-// constraints, A_ub, b_ub, A_eq, b_eq, each of them None or a value. Throws InputError.
+// The keywords floor (names and shares) and floor_multipliers (names and numbers), each of them
+// None or a dict. Throws InputError.
+[[nodiscard]] std::vector<EfficiencyFloor> floors_of(const pybind11::dict& arguments,
+                                                     const InformationSet& set);
+
+// `arguments`: request (a file), experiments, budget, prior, done, costs, stock, require, forbid,
+// block_sizes, constraints, A_ub, b_ub, A_eq, b_eq, each of them None or a value. Throws
+// InputError.
 [[nodiscard]] DesignRequest request_of(const pybind11::dict& arguments);
 
 void add_information(pybind11::module_& module);

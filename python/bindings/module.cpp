@@ -10,6 +10,7 @@
 #include "problems/formats/quiet_hdf5.hpp"
 #include "python/bindings/candidates.hpp"
 #include "python/bindings/design.hpp"
+#include "python/bindings/design_files.hpp"
 #include "python/bindings/diagnosis.hpp"
 #include "python/bindings/exact.hpp"
 #include "python/bindings/information.hpp"
@@ -58,6 +59,7 @@ PYBIND11_MODULE(_graybox, module) {
   graybox::python::add_information(module);
   graybox::python::add_design(module);
   graybox::python::add_exact(module);
+  graybox::python::add_design_files(module);
   graybox::python::add_candidates(module);
   graybox::python::add_planning(module);
   graybox::python::add_robust(module);

@@ -12,7 +12,7 @@ ValueError with one line. Ctrl-C raises Interrupted, a KeyboardInterrupt with th
 """
 from . import study
 from ._candidates import ContinuousDesign, candidates, continuous
-from ._designs import certify, certify_exact, exact, solve, solvers
+from ._designs import certify, certify_exact, exact, load_design, solve, solvers
 from ._graybox import InformationSet, InputError
 from ._graybox import version as __version__
 from ._machines import diagnose, fit, model, predict, simulate
@@ -30,6 +30,6 @@ __all__ = [
     "ExactDesign", "Fit", "InformationSet", "InputError", "Interrupted", "MachineModel", "Plan",
     "Prediction", "Recording", "RobustDesign", "SequentialStudy", "Simulation", "SpectrumDesign",
     "Verdict", "__version__", "candidates", "certify", "certify_exact", "concentrated",
-    "continuous", "diagnose", "exact", "fit", "model", "plan", "precision_curve", "predict",
-    "robot_set", "robust", "sequential", "simulate", "solve", "solvers", "spectrum", "study",
+    "continuous", "diagnose", "exact", "fit", "load_design", "model", "plan", "precision_curve",
+    "predict", "robot_set", "robust", "sequential", "simulate", "solve", "solvers", "spectrum", "study",
 ]

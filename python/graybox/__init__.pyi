@@ -69,6 +69,7 @@ class Certificate:
     renormalised: float
     violation: float
     proves_gap: Optional[bool]
+    floors: list[dict[str, Any]]
     message: str
     @property
     def bound(self) -> float: ...
@@ -80,6 +81,7 @@ class ExactCertificate:
     experiments: int
     support_size: int
     log_det: float
+    criterion_value: Optional[float]
     rounding_bound: float
     bound: float
     efficiency: float
@@ -90,6 +92,7 @@ class Design:
     weights: Optional[NDArray[np.float64]]
     efforts: Optional[NDArray[np.float64]]
     multipliers: Optional[NDArray[np.float64]]
+    floors: list[dict[str, Any]]
     dual_matrix: Optional[NDArray[np.float64]]
     trace: NDArray[np.float64]
     certificate: Certificate
@@ -139,6 +142,7 @@ class ExactDesign:
     log_det: float
     bound: Optional[float]
     efficiency: float
+    stated_efficiency: Optional[float]
     nodes: int
     seconds: float
     @property
@@ -146,6 +150,7 @@ class ExactDesign:
     @property
     def support(self) -> NDArray[np.intp]: ...
     def certify(self) -> ExactCertificate: ...
+    def save(self, path: Path) -> None: ...
     def _repr_html_(self) -> str: ...
 
 class Plan:
@@ -270,6 +275,7 @@ def solve(
     interest: Optional[Sequence[Union[str, int]]] = ...,
     region: Any = ...,
     p: Optional[float] = ...,
+    floor: Optional[Mapping[str, float]] = ...,
     start: Optional[ArrayLike] = ...,
     time_limit: Optional[float] = ...,
     iteration_limit: int = ...,
@@ -278,10 +284,11 @@ def solve(
     psd_tolerance: float = ...,
     factors: bool = ...,
     progress: Progress = ...,
+    request: Optional[Path] = ...,
     experiments: Optional[float] = ...,
     budget: Optional[float] = ...,
     prior: Union[None, Path, ArrayLike] = ...,
-    done: Optional[Numbers] = ...,
+    done: Union[None, Numbers, ExactDesign] = ...,
     costs: Optional[Numbers] = ...,
     stock: Optional[Numbers] = ...,
     require: Optional[str] = ...,
@@ -303,6 +310,8 @@ def certify(
     interest: Optional[Sequence[Union[str, int]]] = ...,
     region: Any = ...,
     p: Optional[float] = ...,
+    floor: Optional[Mapping[str, float]] = ...,
+    floor_multipliers: Optional[Mapping[str, float]] = ...,
     dual_matrix: Optional[ArrayLike] = ...,
     psd_tolerance: float = ...,
     factors: bool = ...,
@@ -351,11 +360,25 @@ def continuous(
 def certify_exact(
     H: Information,
     counts: Union[ArrayLike, ExactDesign],
+    criterion: Union[str, Mapping[str, float]] = ...,
     *,
     bound: float = ...,
+    W: Optional[ArrayLike] = ...,
+    interest: Optional[Sequence[Union[str, int]]] = ...,
+    region: Any = ...,
+    p: Optional[float] = ...,
     psd_tolerance: float = ...,
     factors: bool = ...,
+    **request: Any,
 ) -> ExactCertificate: ...
+def load_design(
+    H: Information,
+    path: Path,
+    *,
+    gap: Optional[float] = ...,
+    psd_tolerance: float = ...,
+    factors: bool = ...,
+) -> Union[Design, ExactDesign]: ...
 def plan(
     H: Information,
     targets: Union[str, Sequence[str]] = ...,

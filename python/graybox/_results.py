@@ -39,11 +39,13 @@ class Certificate(_Plain):
 
     status ("certified", "singular", "not_a_design"), gap, rounding_bound, log_det, criterion_value,
     log_det_gap, efficiency (at least), worst_candidate, support_size, clipped, renormalised,
-    message; bound: no design has a larger log det (D) than this.
+    message; bound: no design has a larger log det (D) than this; violation: of a request's rows,
+    relative; floors: dicts with criterion, share, multiplier and efficiency (kept, at least).
     """
 
-    def __init__(self, violation=0.0, proves_gap=None, **fields):
+    def __init__(self, violation=0.0, proves_gap=None, floors=(), **fields):
         self.__dict__.update(fields)
+        self.floors = list(floors)
         self.violation = violation
         self.proves_gap = proves_gap
 
@@ -69,17 +71,26 @@ class Certificate(_Plain):
         return [("duality gap", f"{self.gap:.3e} (rounding at most {self.rounding_bound:.1e})"),
                 ("log det M", f"{self.log_det:.10g}"),
                 ("efficiency", f"at least {self.efficiency:.10f}"),
-                ("support", f"{self.support_size} candidates")]
+                ("support", f"{self.support_size} candidates"), *_floor_rows(self.floors)]
+
+
+def _floor_rows(floors):
+    return [("floor", f"{each['criterion']} {each['share']:g}, kept: "
+             + ("unknown" if each["efficiency"] is None else f"at least {each['efficiency']:.6f}"))
+            for each in floors]
 
 
 class ExactCertificate(Certificate):
-    """The same of whole numbers of experiments: experiments, log_det, bound, efficiency, ..."""
+    """The same of whole numbers of experiments: experiments, log_det, criterion_value, efficiency
+    (at least, of the best exact design), and bound: no exact design has a better value."""
 
-    bound = None
+    bound = criterion_value = None
 
     def _rows(self):
-        return [("experiments", str(self.experiments)), ("log det M", f"{self.log_det:.10g}"),
-                ("bound", f"{self.bound:.10g} of all designs of as many"),
+        value = [] if self.criterion_value is None else [
+            ("criterion", f"{self.criterion_value:.10g}")]
+        return [("experiments", str(self.experiments)), ("log det M", f"{self.log_det:.10g}"), *value,
+                ("bound", f"{self.bound:.10g} of all designs that may be run"),
                 ("efficiency", f"at least {self.efficiency:.8f}")]
 
 
@@ -88,8 +99,8 @@ class Design(_Plain):
 
     weights (None where there is no answer), support (indices, heaviest first), efforts (numbers of
     experiments, under a request), certificate, status, solver, message, seconds, passes, iterations,
-    trace (rows of seconds, passes, gap, iteration); gap, log_det, bound and efficiency are the
-    certificate's.
+    trace (rows of seconds, passes, gap, iteration), floors (dicts with criterion, share, multiplier,
+    efficiency); gap, log_det, bound and efficiency are the certificate's.
     """
 
     dual_matrix = efforts = multipliers = None
@@ -97,7 +108,9 @@ class Design(_Plain):
     def __init__(self, information, asked, fields):
         self._information = information
         self._asked = asked
-        self.certificate = Certificate(**fields.pop("certificate"))
+        self._writer = fields.pop("writer", None)
+        self.floors = fields.pop("floors", [])
+        self.certificate = Certificate(**fields.pop("certificate"), floors=self.floors)
         self.__dict__.update(fields)
         if self.dual_matrix is not None and len(self.dual_matrix) == 0:
             self.dual_matrix = None
@@ -117,8 +130,11 @@ class Design(_Plain):
         return heaviest_first[:np.count_nonzero(self.weights > 0)]
 
     def certify(self, **changes):
-        """Certifies the weights anew, by the checker alone."""
-        from ._designs import certify
+        """Certifies the weights anew, by the checker alone. Of a design that was read from a file
+        only the gap can be changed."""
+        from ._designs import certify, load_design
+        if "file" in self._asked:
+            return load_design(self._information, self._asked["file"], **changes).certificate
         asked = {**self._asked, **changes}
         return certify(self._information, self, asked.pop("criterion"),
                        **asked)
@@ -149,14 +165,17 @@ class Design(_Plain):
 class ExactDesign(_Plain):
     """Whole numbers of experiments.
 
-    counts (None where there is none), log_det, criterion_value, bound (of log det, proven),
-    efficiency (proven, at least), status, message, nodes, seconds, designs (the best ones, with
-    top).
+    counts (None where there is none), log_det, criterion_value, bound (no exact design has a better
+    value, proven), efficiency (proven, at least), status, message, nodes, seconds, designs (the best
+    ones, with top).
     """
+
+    stated_efficiency = None
 
     def __init__(self, information, asked, fields):
         self._information = information
         self._asked = asked
+        self._writer = fields.pop("writer", None)
         self.__dict__.update(fields)
 
     optimal = property(lambda self: self.status == "optimal")
@@ -167,8 +186,18 @@ class ExactDesign(_Plain):
 
     def certify(self):
         """Certifies the counts anew, against the bound of the relaxed problem alone."""
-        from ._designs import certify_exact
-        return certify_exact(self._information, self)
+        from ._designs import certify_exact, load_design
+        if "file" in self._asked:
+            read = load_design(self._information, self._asked["file"])
+            return ExactCertificate(**read._proof)
+        asked = dict(self._asked)
+        asked.pop("gap", None)
+        return certify_exact(self._information, self, asked.pop("criterion"), **asked)
+
+    def save(self, path):
+        """Writes a graybox-design/1 file."""
+        from ._designs import save
+        save(self, path)
 
     def _heading(self):
         return f"exact design: {self.status}{' (' + self.message + ')' if self.message else ''}"

@@ -17,6 +17,7 @@
 #include "solvers/conditioning/quadruple.hpp"
 #include "solvers/constrained/linear_programme.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
+#include "solvers/core/candidate_region.hpp"
 #include "solvers/core/inverse_cholesky.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/restricted_problem/criterion_frame.hpp"
@@ -29,10 +30,7 @@ constexpr double kUp = 1.0 + 1e-14;  // more than what conversions to double los
 
 // D is Ds with every parameter of interest, and G without a region is over the candidates.
 Criterion as_partial(const InformationSet& set, const Criterion& criterion) {
-  if (criterion.kind() == CriterionKind::kG && criterion.region().count() == 0) {
-    return Criterion::g(PredictionRegion::of_set(set));
-  }
-  if (criterion.kind() != CriterionKind::kD) return criterion;
+  if (criterion.kind() != CriterionKind::kD) return over_candidates(criterion, set);
   std::vector<std::size_t> all(set.dimension());
   std::iota(all.begin(), all.end(), std::size_t{0});
   return Criterion::ds(std::move(all));
@@ -121,7 +119,24 @@ struct Support {
   InformationSet matrices;
 };
 
-// What proves most of a design under G or E: the weights of the points of the region, or a matrix.
+std::vector<CriterionPart> parts_of(const Criterion& criterion) {
+  std::vector<CriterionPart> parts(criterion.parts().begin(), criterion.parts().end());
+  if (parts.empty()) parts.push_back({1.0, criterion});
+  return parts;
+}
+
+bool is_sharp(const Criterion& criterion) {
+  return criterion.kind() == CriterionKind::kG || criterion.kind() == CriterionKind::kE;
+}
+
+// What Phi' of G or E is taken at.
+struct PartDual {
+  std::vector<double> points = {};  // G: mu
+  Eigen::MatrixXd factor = {};      // E: Z
+};
+
+// What proves most of a design under criteria with G or E among them: for each the weights of the
+// points of its region, or a matrix. One sharpness serves all parts.
 class SharpDual {
  public:
   SharpDual(const InformationSet& set, std::span<const double> efforts,
@@ -129,31 +144,40 @@ class SharpDual {
       : set_(set),
         efforts_(efforts),
         constraints_(constraints),
-        frame_(criterion, set.dimension(), {}),
         inverse_(set.dimension()),
-        gains_(set.candidate_count()),
-        points_(criterion.region().count(), 1.0) {
-    frame_.smooth_by_barrier();
+        dual_(set.packed_size()),
+        gains_(set.candidate_count()) {
+    const auto d = static_cast<Eigen::Index>(set.dimension());
+    for (const CriterionPart& part : parts_of(criterion)) {
+      shares_.push_back(part.share);
+      frames_.emplace_back(part.criterion, set.dimension(), std::span<const double>{});
+      frames_.back().smooth_by_barrier();
+      best_.push_back({.points = std::vector<double>(part.criterion.region().count(), 1.0),
+                       .factor = part.criterion.kind() == CriterionKind::kE
+                                     ? Eigen::MatrixXd::Identity(d, d)
+                                     : Eigen::MatrixXd()});
+    }
     std::vector<double> matrix(set.packed_size());
     information_matrix(set, efforts, matrix);
     for (std::size_t k = 0; k < constraints.prior.size(); ++k) matrix[k] += constraints.prior[k];
     if (inverse_.factor(matrix)) search();
   }
 
-  [[nodiscard]] const std::vector<double>& points() const { return points_; }  // G: mu
-  [[nodiscard]] const Eigen::MatrixXd& factor() const { return factor_; }      // E: Z
+  [[nodiscard]] const std::vector<PartDual>& parts() const { return best_; }
 
  private:
   // The gap at sharpness exp(log_sharpness), in double precision.
   double gap(double log_sharpness) {
-    frame_.set_sharpness(std::exp(log_sharpness));
-    frame_.compute(inverse_);
-    const std::span<const double> dual = frame_.trace_dual();
-    const double factor = frame_.smoothing_factor();
+    std::ranges::fill(dual_, 0.0);
+    for (std::size_t part = 0; part < frames_.size(); ++part) {
+      CriterionFrame& frame = frames_[part];
+      frame.set_sharpness(std::exp(log_sharpness));
+      frame.compute(inverse_);
+      const double scale = shares_[part] * frame.smoothing_factor();
+      for (std::size_t k = 0; k < dual_.size(); ++k) dual_[k] += scale * frame.trace_dual()[k];
+    }
     const auto trace = [&](std::span<const double> h) {
-      double sum = 0.0;
-      for (std::size_t k = 0; k < h.size(); ++k) sum += dual[k] * h[k];
-      return factor * sum;
+      return std::inner_product(h.begin(), h.end(), dual_.begin(), 0.0);
     };
     for (std::size_t i = 0; i < gains_.size(); ++i) gains_[i] = trace(set_.information(i));
     std::vector<double> y = multipliers_of_design(constraints_, efforts_, gains_);
@@ -164,13 +188,15 @@ class SharpDual {
     if (here < least_) {
       least_ = here;
       at_ = log_sharpness;
-      if (points_.empty()) {
-        factor_ = frame_.axes().transpose() * frame_.shares().cwiseSqrt().asDiagonal();
-      } else {
-        points_ = frame_.point_weights();
-      }
+      for (std::size_t part = 0; part < frames_.size(); ++part) keep(frames_[part], best_[part]);
     }
     return here;
+  }
+
+  static void keep(const CriterionFrame& frame, PartDual& dual) {
+    if (!dual.points.empty()) dual.points = frame.point_weights();
+    if (dual.factor.size() == 0) return;
+    dual.factor = frame.axes().transpose() * frame.shares().cwiseSqrt().asDiagonal();
   }
 
   // A grid, then golden sections about its best point.
@@ -200,10 +226,11 @@ class SharpDual {
   const InformationSet& set_;
   std::span<const double> efforts_;
   const DesignConstraints& constraints_;
-  CriterionFrame frame_;
+  std::vector<double> shares_;
+  std::vector<CriterionFrame> frames_;
+  std::vector<PartDual> best_;
   InverseCholesky inverse_;
-  std::vector<double> gains_, points_;
-  Eigen::MatrixXd factor_;
+  std::vector<double> dual_, gains_;
   double least_ = kInfinity, at_ = 0.0;
 };
 
@@ -216,14 +243,11 @@ class Checker {
         constraints_(constraints),
         criterion_(as_partial(set, criterion)),
         support_(set, efforts, constraints.prior) {
-    if (criterion_.kind() != CriterionKind::kG && criterion_.kind() != CriterionKind::kE) return;
-    const SharpDual dual(set, efforts, constraints, criterion_);
-    point_weights_ = dual.points();
-    factor_ = dual.factor();
-    if (factor_.size() == 0) {
-      const auto d = static_cast<Eigen::Index>(set.dimension());
-      factor_ = Eigen::MatrixXd::Identity(d, d);
-    }
+    const auto is_sharp_part = [](const CriterionPart& part) { return is_sharp(part.criterion); };
+    const std::vector<CriterionPart> parts = parts_of(criterion_);
+    duals_.resize(parts.size());
+    if (std::ranges::none_of(parts, is_sharp_part)) return;
+    duals_ = SharpDual(set, efforts, constraints, criterion_).parts();
   }
 
   // False where M is singular in this arithmetic.
@@ -247,27 +271,26 @@ class Checker {
   const DesignConstraints& constraints_;
   Criterion criterion_;
   Support support_;
-  std::vector<double> point_weights_;  // G: mu
-  Eigen::MatrixXd factor_;             // E: Z
+  std::vector<PartDual> duals_;  // of G and E, one a part
 };
 
 template <class Real>
 DualBound<Real> Checker::joint_bound(const InformationIn<Real>& information) const {
   using std::sqrt;
   const std::size_t d = set_.dimension();
-  std::vector<CriterionPart> parts(criterion_.parts().begin(), criterion_.parts().end());
-  if (parts.empty()) parts.push_back({1.0, criterion_});
+  const std::vector<CriterionPart> parts = parts_of(criterion_);
   DualBound<Real> joint;
   joint.z.resize(static_cast<Eigen::Index>(d), 0);
   joint.scale = 1;
-  for (const CriterionPart& part : parts) {
+  for (std::size_t at = 0; at < parts.size(); ++at) {
+    const CriterionPart& part = parts[at];
     const std::vector<std::size_t> order = elimination_order(set_, part.criterion);
     DualBound<Real> bound =
-        order.empty() ? dual_bound(part.criterion, d, information, point_weights_)
+        order.empty() ? dual_bound(part.criterion, d, information, duals_[at].points)
                       : dual_bound(part.criterion, d,
                                    InformationIn<Real>(support_.matrices, support_.weights, order));
     if (part.criterion.kind() == CriterionKind::kE) {
-      bound.z = factor_.template cast<Real>();
+      bound.z = duals_[at].factor.template cast<Real>();
       bound.scale *= bound.z.squaredNorm();
       bound.error += static_cast<Real>(2 * d * d + 8) * (std::numeric_limits<Real>::epsilon() / 2);
     }
@@ -407,24 +430,11 @@ std::string why_no_design(const InformationSet& set, std::span<const double> eff
 
 }  // namespace
 
-void require_provable(const Criterion& criterion) {
-  if (criterion.kind() != CriterionKind::kCompound) return;
-  for (const CriterionPart& part : criterion.parts()) {
-    const CriterionKind kind = part.criterion.kind();
-    if (kind != CriterionKind::kE && kind != CriterionKind::kG) continue;
-    throw InputError(
-        fmt::format("under linear constraints a compound criterion can't hold {0}: ask for {0} "
-                    "alone, or leave the constraints out",
-                    to_string(kind)));
-  }
-}
-
 ConstrainedCertificate certify_constrained(const InformationSet& set,
                                            std::span<const double> efforts,
                                            const DesignConstraints& constraints,
                                            const Criterion& criterion, double asked_gap) {
   criterion.require_fits(set);
-  require_provable(criterion);
   require_fits(constraints, set);
   ConstrainedCertificate out{.certificate = nothing_proven()};
   Certificate& certificate = out.certificate;

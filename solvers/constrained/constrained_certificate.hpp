@@ -48,11 +48,7 @@ struct ConstrainedCertificate {
   double violation = 0.0;  // largest_violation()
 };
 
-// Throws InputError for a compound criterion with E or G in it: no bound is known here for those
-// under linear constraints.
-void require_provable(const Criterion& criterion);
-
-// `efforts`: x, Q numbers. Throws InputError as require_fits() of both and require_provable().
+// `efforts`: x, Q numbers. Throws InputError as require_fits() of both.
 [[nodiscard]] ConstrainedCertificate certify_constrained(const InformationSet& set,
                                                          std::span<const double> efforts,
                                                          const DesignConstraints& constraints,

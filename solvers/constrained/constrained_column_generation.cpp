@@ -14,10 +14,10 @@
 #include "problems/base/random.hpp"
 #include "solvers/conditioning/conditioned_set.hpp"
 #include "solvers/conditioning/twofold_congruence.hpp"
-#include "solvers/constrained/constrained_certificate.hpp"
 #include "solvers/constrained/constrained_working_set.hpp"
 #include "solvers/constrained/linear_programme.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
+#include "solvers/core/candidate_region.hpp"
 #include "solvers/core/sensitivity.hpp"
 #include "solvers/core/tracer.hpp"
 #include "solvers/pricing/candidate_pool.hpp"
@@ -83,6 +83,7 @@ class ConstrainedRun {
   std::int64_t rounds_ = 0;
   double best_gap_ = kInfinity;
   std::vector<double> best_efforts_, best_multipliers_;
+  double best_sharpness_ = 1.0;
 };
 
 [[noreturn]] void throw_contradiction(const DesignConstraints& constraints) {
@@ -260,6 +261,7 @@ CandidatePool ConstrainedRun::short_list(const CandidatePool& all) const {
 void ConstrainedRun::keep_if_better(double gap) {
   if (!(gap < best_gap_)) return;
   best_gap_ = gap;
+  best_sharpness_ = working_.sharpness();
   best_multipliers_.assign(working_.multipliers().begin(), working_.multipliers().end());
   best_efforts_.assign(set_.candidate_count(), 0.0);
   for (std::size_t k = 0; k < working_.size(); ++k) {
@@ -274,7 +276,8 @@ ConstrainedSolution ConstrainedRun::finish(SolveStatus status, std::string messa
           .status = counted.status,
           .trace = std::move(counted.trace),
           .counters = counted.counters,
-          .message = std::move(counted.message)};
+          .message = std::move(counted.message),
+          .sharpness = best_sharpness_};
 }
 
 ConstrainedSolution ConstrainedRun::run() {
@@ -401,7 +404,8 @@ ConstrainedSolution only_design(const DesignConstraints& constraints) {
           .status = SolveStatus::kSolved,
           .trace = {},
           .counters = {},
-          .message = "the required experiments use all of the effort"};
+          .message = "the required experiments use all of the effort",
+          .sharpness = 1.0};
 }
 
 }  // namespace
@@ -426,12 +430,9 @@ ConstrainedSolution solve_constrained(const InformationSet& set,
                                       const DesignConstraints& constraints,
                                       const SolveOptions& options, SolveObserver* observer) {
   options.criterion.require_fits(set);
-  require_provable(options.criterion);
   require_fits(constraints, set);
   SolveOptions with_region = options;
-  if (options.criterion.is_solved_as_d() && options.criterion.kind() == CriterionKind::kG) {
-    with_region.criterion = Criterion::g(PredictionRegion::of_set(set));
-  }
+  with_region.criterion = over_candidates(options.criterion, set);
   ConstrainedSolution solution = try_constrained(set, constraints, with_region, observer);
   if (solution.infeasible) throw_contradiction(constraints);
   return solution;

@@ -40,6 +40,7 @@ struct ConstrainedSolution {
   std::vector<TracePoint> trace;
   SolveCounters counters;
   std::string message;
+  double sharpness = 1.0;   // of the barrier of E and G, whose G at M goes with y
   bool infeasible = false;  // no design obeys the constraints; status unsupported
 };
 

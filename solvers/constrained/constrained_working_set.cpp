@@ -23,6 +23,7 @@ constexpr double kRowTolerance = 1e-10;    // relative, of the rows
 constexpr double kEquationWidth = 1e-9;    // rows whose bounds are closer count as equations
 constexpr std::size_t kLargestFace = 400;  // free efforts of a last Newton step
 constexpr double kCoarse = 1e-2;           // a gap of a first round, whose rows need not hold yet
+constexpr double kLongestStep = 1.5;       // in |B|_F
 constexpr double kNearLimit = 1e-3;        // of an effort, relative
 constexpr double kSmallestComplementarity = 1e-20;
 
@@ -575,7 +576,8 @@ void ConstrainedWorkingSet::step(bool centring) {
   solve(target, centring ? nullptr : &predictor_, corrector_);
   length_ = step_length(corrector_);
   const double reach = model_length(corrector_);
-  if (reach > 1.0) length_ = std::min(length_, 1.5 / reach);
+  const double most = is_smoothed_ ? 1.0 : kLongestStep;  // a barrier bears no overshooting
+  if (reach > 1.0) length_ = std::min(length_, most / reach);
   const State before = state_;
   for (int attempt = 0; attempt < 8; ++attempt, length_ *= 0.3) {
     move(corrector_, length_);

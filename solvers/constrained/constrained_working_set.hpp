@@ -72,6 +72,7 @@ class ConstrainedWorkingSet {
   [[nodiscard]] std::span<const double> multipliers() const { return true_multipliers_; }
   [[nodiscard]] std::span<const double> trace_dual() const { return true_dual_; }
   [[nodiscard]] double prior_gain() const { return true_prior_gain_; }
+  [[nodiscard]] double sharpness() const { return sharpness_; }  // of E and G, as made smooth
 
   [[nodiscard]] bool regular() const { return regular_; }  // M at the last efforts
   [[nodiscard]] bool obeys_rows() const;                   // to a relative 1e-10

@@ -327,14 +327,20 @@ std::string describe(const DesignRequest& request) {
   const auto add = [&](const char* what, const std::string& text) {
     if (!text.empty()) parts.push_back(fmt::format("{} {}", what, text));
   };
-  add("prior", request.prior);
-  add("done", request.done);
-  add("stock", request.stock);
+  const auto add_either = [&](const char* what, const std::string& text,
+                              const std::vector<double>& values) {
+    if (!values.empty()) parts.push_back(fmt::format("{} in numbers", what));
+    add(what, text);
+  };
+  add_either("prior", request.prior, request.numbers.prior);
+  add_either("done", request.done, request.numbers.done);
+  add_either("stock", request.stock, request.numbers.stock);
   add("required", request.require);
   add("forbidden", request.forbid);
   add("blocks of", request.block_sizes);
   add("constraints", request.constraints_file);
   for (const RequestedConstraint& wanted : request.constraints) parts.push_back(wanted.name);
+  for (const LinearConstraint& row : request.numbers.rows) parts.push_back(row.name);
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
@@ -354,6 +360,64 @@ std::string content_hash(const DesignConstraints& constraints) {
   }
   return hash.hexadecimal();
 }
+
+namespace {
+
+// Infinite numbers, of which limits have some, are null.
+Json numbers_json(const RequestedNumbers& numbers) {
+  Json out = Json::object();
+  for (const auto& [key, values] :
+       {std::pair{"prior", &numbers.prior}, std::pair{"done", &numbers.done},
+        std::pair{"costs", &numbers.costs}, std::pair{"stock", &numbers.stock}}) {
+    if (!values->empty()) out[key] = *values;
+  }
+  for (const LinearConstraint& row : numbers.rows) {
+    out["rows"].push_back({{"name", row.name},
+                           {"coefficients", row.coefficients},
+                           {"lower", row.lower},
+                           {"upper", row.upper}});
+  }
+  return out;
+}
+
+// A number, or null for one that is infinite.
+double number_or(const Json& value, double infinite) {
+  if (value.is_null()) return infinite;
+  if (!value.is_number()) throw InputError("request.numbers must hold numbers");
+  return value.get<double>();
+}
+
+std::vector<double> listed_numbers(const Json& parent, const char* key) {
+  std::vector<double> out;
+  const auto found = parent.find(key);
+  if (found == parent.end()) return out;
+  if (!found->is_array()) throw InputError(fmt::format("request.numbers.{} must be a list", key));
+  for (const Json& value : *found) out.push_back(number_or(value, kInfinity));
+  return out;
+}
+
+RequestedNumbers requested_numbers(const Json& entry) {
+  if (!entry.is_object()) throw InputError("request.numbers must be an object");
+  RequestedNumbers out{.prior = listed_numbers(entry, "prior"),
+                       .done = listed_numbers(entry, "done"),
+                       .costs = listed_numbers(entry, "costs"),
+                       .stock = listed_numbers(entry, "stock"),
+                       .rows = {}};
+  if (!entry.contains("rows")) return out;
+  if (!entry["rows"].is_array()) throw InputError("request.numbers.rows must be a list");
+  for (const Json& row : entry["rows"]) {
+    if (!row.is_object() || !row.contains("name") || !row["name"].is_string()) {
+      throw InputError("request.numbers.rows must hold objects with a name");
+    }
+    out.rows.push_back({.name = row["name"].get<std::string>(),
+                        .coefficients = listed_numbers(row, "coefficients"),
+                        .lower = number_or(row.value("lower", Json()), -kInfinity),
+                        .upper = number_or(row.value("upper", Json()), kInfinity)});
+  }
+  return out;
+}
+
+}  // namespace
 
 Json to_json(const DesignRequest& request, const DesignConstraints& constraints,
              const fs::path& folder) {
@@ -390,6 +454,7 @@ Json to_json(const DesignRequest& request, const DesignConstraints& constraints,
     }
     out["constraints"].push_back(std::move(entry));
   }
+  if (request.numbers.any()) out["numbers"] = numbers_json(request.numbers);
   out["constraints_hash"] = content_hash(constraints);
   return out;
 }
@@ -420,6 +485,7 @@ DesignRequest design_request(const Json& entry, const fs::path& folder) {
   request.forbid = text(entry, "forbid");
   request.block_sizes = text(entry, "block_sizes");
   request.constraints_file = text(entry, "constraints_file");
+  if (entry.contains("numbers")) request.numbers = requested_numbers(entry["numbers"]);
   if (!entry.contains("constraints")) return request;
   if (!entry["constraints"].is_array()) throw InputError("request.constraints must be a list");
   for (const Json& wanted : entry["constraints"]) {

@@ -88,8 +88,9 @@ struct DesignRequest {
 // SHA-256 of the numbers: whether a design was made for these constraints.
 [[nodiscard]] std::string content_hash(const DesignConstraints& constraints);
 
-// The object "request" of a design file: the request with file names relative to `folder`, and
-// `constraints_hash`. The inverse throws InputError.
+// The object "request" of a design file: the request with file names relative to `folder`, its
+// numbers under "numbers" with the names of RequestedNumbers, and `constraints_hash`. The inverse
+// throws InputError.
 [[nodiscard]] nlohmann::ordered_json to_json(const DesignRequest& request,
                                              const DesignConstraints& constraints,
                                              const std::filesystem::path& folder);

@@ -16,14 +16,17 @@
 #include "solvers/conditioning/extended_information.hpp"
 #include "solvers/constrained/multiplier_bound.hpp"
 #include "solvers/constrained_exact/constrained_exchange.hpp"
+#include "solvers/core/candidate_region.hpp"
 
 namespace graybox {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kIntegral = 1e-6;   // an effort this close to a whole number is one
-constexpr double kRounding = 1e-10;  // what (1) is raised by
+constexpr double kRounding = 1e-10;  // what (1) is raised by at least
 constexpr double kNodeGap = 1e-5;    // of the relaxed problems, or a tenth of the gap asked for
+constexpr double kRootGap = 1e-8;
+constexpr double kBarrierGap = 1e-6;  // of the root's with E or G in the criterion
 constexpr std::size_t kBatch = 16;
 constexpr std::size_t kExchangePool = 400;
 constexpr std::int64_t kExchangeEvery = 16;  // nodes
@@ -55,7 +58,18 @@ struct Relaxed {
   std::vector<double> efforts;
   std::vector<double> reduced;  // r_i, under the logarithm
   double sum = 1.0;             // tr(G P) + bound(y)
+  double rounding = kRounding;  // what (1) is raised by
 };
+
+bool has_barrier(const Criterion& criterion) {
+  const auto is_smoothed = [](const Criterion& one) {
+    return one.kind() == CriterionKind::kE || one.kind() == CriterionKind::kG;
+  };
+  return is_smoothed(criterion) ||
+         std::ranges::any_of(criterion.parts(), [&](const CriterionPart& part) {
+           return is_smoothed(part.criterion);
+         });
+}
 
 // Whole numbers between the limits; the rows as they are.
 DesignConstraints whole_limits(const DesignConstraints& constraints, std::size_t count) {
@@ -103,7 +117,7 @@ Relaxed relax(const InformationSet& set, const DesignConstraints& constraints,
   out.efforts = solution.efforts;
   DesignValue value(set, constraints, options.criterion);
   out.value = value(std::span<const double>(out.efforts));
-  const std::span<const double> dual = value.trace_dual();
+  const std::span<const double> dual = value.trace_dual(solution.sharpness);
   if (dual.empty()) return out;
   std::vector<double> gains(set.candidate_count());
   for (std::size_t i = 0; i < gains.size(); ++i) {
@@ -119,14 +133,15 @@ Relaxed relax(const InformationSet& set, const DesignConstraints& constraints,
     out.reduced[i] -= std::max(raised, 0.0) * constraints.rows[0].coefficients[i];
   }
   out.sum = value.prior_gain() + bound.value;
-  out.bound = out.value + std::log(std::max(out.sum, 1e-300)) + kRounding;
+  out.rounding = std::max(kRounding, value.rounding());
+  out.bound = out.value + std::log(std::max(out.sum, 1e-300)) + out.rounding;
   return out;
 }
 
 // Limits that no design better than `threshold` leaves, by the reduced gains.
 void tighten(const Relaxed& relaxed, double threshold, std::vector<double>& lower,
              std::vector<double>& upper) {
-  const double least = std::exp(threshold - relaxed.value - kRounding);
+  const double least = std::exp(threshold - relaxed.value - relaxed.rounding);
   const double slack = relaxed.sum - least;
   if (!(slack >= 0.0) || !std::isfinite(least)) return;
   for (std::size_t i = 0; i < lower.size(); ++i) {
@@ -529,10 +544,11 @@ ConstrainedExactSolution ConstrainedTree::finish() {
 
 ConstrainedExactSolution ConstrainedTree::run() {
   SolveOptions options = relaxed_options();
-  options.duality_gap = 1e-8;
+  options.duality_gap = has_barrier(options_.criterion) ? kBarrierGap : kRootGap;
   options.threads = options_.threads;
   const ConstrainedSolution first = try_constrained(set_, whole_, options);
   if (first.infeasible) {
+    options.criterion = {};
     (void)solve_constrained(set_, original_, options);  // names what contradicts each other
     ConstrainedExactSolution none;
     none.message = "no whole numbers of experiments obey the constraints";
@@ -561,14 +577,12 @@ ConstrainedExactSolution solve_constrained_exact(const InformationSet& set,
                                                  ExactObserver* observer) {
   options.criterion.require_fits(set);
   require_fits(constraints, set);
-  if (!options.criterion.has_factor()) {
-    throw InputError(fmt::format("criterion {} has no exact method; use D, A, L, I, c or Ds",
-                                 to_string(options.criterion.kind())));
-  }
   if (!(options.gap >= 1e-9) || options.top < 1) {
     throw InputError("gap must be at least 1e-9, and top at least 1");
   }
-  return ConstrainedTree(set, constraints, options, observer).run();
+  ConstrainedExactOptions with_regions = options;
+  with_regions.criterion = over_candidates(options.criterion, set);
+  return ConstrainedTree(set, constraints, with_regions, observer).run();
 }
 
 }  // namespace graybox

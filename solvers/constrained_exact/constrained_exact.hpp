@@ -1,6 +1,6 @@
 // Exact designs under constraints, with proof: whole numbers m_i that obey design_constraints.hpp,
 //
-//   maximise  Phi(P + sum_i m_i H_i),   Phi of D, A, L or Ds.
+//   maximise  Phi(P + sum_i m_i H_i),   Phi of any criterion (certificate.hpp).
 //
 // Branch and bound over boxes of counts, best first. Each node solves the relaxed problem in its
 // box (constrained_column_generation.hpp). With its M, the gains w_i = tr(G H_i) and the
@@ -8,7 +8,8 @@
 //
 //   log Phi(M(m)) <= log Phi(M) + log(tr(G P) + bound(y))         for every design of the box,  (1)
 //
-// bound(y) of multiplier_bound.hpp: nothing relies on convergence. Each run of a candidate with
+// bound(y) of multiplier_bound.hpp: nothing relies on convergence. For E and G, whose Phi has a
+// kink, G is that of their barrier at M (constrained_exchange.hpp). Each run of a candidate with
 // reduced gain r_i < 0 costs |r_i| under the logarithm, and so does each run that one with r_i > 0
 // is short of its limit. Counts that no better design can have go away for good. At the root that
 // leaves a pool of some tens or hundreds of candidates.
@@ -19,11 +20,13 @@
 // With `top` K the K best designs are sought: parts of the tree are given up only where they hold
 // nothing better than the K-th. The proof is then of all K.
 //
-// Arithmetic: (1) in double precision, raised by 1e-10. The design itself is judged by the checker
+// Arithmetic: (1) in double precision, raised by 1e-10 or, where that is more, by d eps times the
+// condition of M with unit diagonal. The design itself is judged by the checker
 // in extended precision.
 //
 // exact_method.hpp has the faster tree for D-optimal designs of M experiments without constraints.
-// Cost: the number of nodes times that of the relaxed problem on the pool.
+// Cost: the number of nodes times that of the relaxed problem on the pool. G over the candidates
+// has a point for each of the whole set in every node.
 #pragma once
 
 #include <cstdint>

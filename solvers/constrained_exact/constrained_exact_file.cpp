@@ -43,12 +43,51 @@ double log_phi(const Certificate& certificate, const Criterion& criterion, std::
     case CriterionKind::kL:
     case CriterionKind::kC:
     case CriterionKind::kI:
+    case CriterionKind::kPhiP:
+    case CriterionKind::kG:
       return -std::log(certificate.criterion_value);
+    case CriterionKind::kE:
+      return std::log(certificate.criterion_value);
+    case CriterionKind::kCompound:
+      return certificate.criterion_value;
     case CriterionKind::kDs:
       return certificate.criterion_value / static_cast<double>(criterion.interest().size());
     default:
       return certificate.log_det / static_cast<double>(dimension);
   }
+}
+
+double value_bound(double criterion_value, double efficiency, const Criterion& criterion,
+                   std::size_t dimension) {
+  switch (criterion.kind()) {
+    case CriterionKind::kD:
+      return criterion_value - static_cast<double>(dimension) * std::log(efficiency);
+    case CriterionKind::kDs:
+      return criterion_value -
+             static_cast<double>(criterion.interest().size()) * std::log(efficiency);
+    case CriterionKind::kCompound:
+      return criterion_value - std::log(efficiency);
+    case CriterionKind::kE:
+      return criterion_value / efficiency;
+    default:
+      return criterion_value * efficiency;
+  }
+}
+
+double relaxed_efficiency(const InformationSet& set, const ConstrainedReport& report) {
+  const Criterion& criterion = report.report.options.criterion;
+  if (report.report.certificate.status != CertificateStatus::kCertified) return 0.0;
+  SolveOptions options;
+  options.criterion = criterion;
+  const ConstrainedSolution relaxed = solve_constrained(set, report.constraints, options);
+  if (relaxed.efforts.empty()) return 0.0;
+  const Certificate best =
+      certify_constrained(set, relaxed.efforts, report.constraints, criterion).certificate;
+  if (best.status != CertificateStatus::kCertified) return 0.0;
+  const std::size_t d = set.dimension();
+  const double loss = log_phi(best, criterion, d) + std::log1p(largest_gap(best)) -
+                      log_phi(report.report.certificate, criterion, d);
+  return std::exp(-std::max(loss, 0.0));
 }
 
 ConstrainedExactReport report_constrained_exact(const InformationSet& set,

@@ -32,6 +32,15 @@ struct ConstrainedExactReport {
 [[nodiscard]] double log_phi(const Certificate& certificate, const Criterion& criterion,
                              std::size_t dimension);
 
+// What no design can exceed where one of this value has this efficiency at least, in the units of
+// Certificate::criterion_value.
+[[nodiscard]] double value_bound(double criterion_value, double efficiency,
+                                 const Criterion& criterion, std::size_t dimension);
+
+// Phi of an exact design against the relaxed optimum's, from above: at least this share of the best
+// exact design's. Zero where the design is not certified.
+[[nodiscard]] double relaxed_efficiency(const InformationSet& set, const ConstrainedReport& report);
+
 [[nodiscard]] nlohmann::ordered_json to_json(const ConstrainedExactReport& report);
 
 // Writes the file in full or not at all. report.share.report.problem_hash must be set.

@@ -70,9 +70,18 @@ DesignValue::DesignValue(const InformationSet& set, const DesignConstraints& con
     : set_(set),
       constraints_(constraints),
       is_determinant_(criterion.kind() == CriterionKind::kD),
-      frame_(criterion, set.dimension(), {}),
       inverse_(set.dimension()),
-      matrix_(set.packed_size()) {}
+      matrix_(set.packed_size()),
+      dual_(set.packed_size()) {
+  if (criterion.kind() == CriterionKind::kCompound) {
+    for (const CriterionPart& part : criterion.parts()) {
+      parts_.push_back({part.share, CriterionFrame(part.criterion, set.dimension(), {})});
+    }
+  } else {
+    parts_.push_back({1.0, CriterionFrame(criterion, set.dimension(), {})});
+  }
+  for (Part& part : parts_) part.frame.smooth_by_barrier();
+}
 
 void DesignValue::start() {
   if (constraints_.prior.empty()) {
@@ -86,7 +95,10 @@ double DesignValue::of(std::span<const double> packed) {
   if (is_determinant_) {
     return inverse_.log_det_of(packed) / static_cast<double>(set_.dimension());
   }
-  return inverse_.factor(packed) ? -frame_.value(inverse_) : -kInfinity;
+  if (!inverse_.factor(packed)) return -kInfinity;
+  double value = 0.0;
+  for (Part& part : parts_) value -= part.share * part.frame.sharp_value(inverse_);
+  return value;
 }
 
 void DesignValue::add(std::size_t candidate, double count, std::span<double> packed) const {
@@ -94,16 +106,28 @@ void DesignValue::add(std::size_t candidate, double count, std::span<double> pac
   for (std::size_t k = 0; k < h.size(); ++k) packed[k] += count * h[k];
 }
 
-std::span<const double> DesignValue::trace_dual() {
+std::span<const double> DesignValue::trace_dual(double sharpness) {
   if (!inverse_.factor(matrix_)) return {};
-  frame_.compute(inverse_);
-  return frame_.trace_dual();
+  std::ranges::fill(dual_, 0.0);
+  for (Part& part : parts_) {
+    part.frame.set_sharpness(sharpness);
+    part.frame.compute(inverse_);
+    const double scale = part.share * part.frame.smoothing_factor();
+    for (std::size_t k = 0; k < dual_.size(); ++k) dual_[k] += scale * part.frame.trace_dual()[k];
+  }
+  double condition = 0.0;
+  for (std::size_t i = 0, k = 0; i < set_.dimension(); k += i + 2, ++i) {
+    condition += matrix_[k] * inverse_.trace_dual()[k];
+  }
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  rounding_ = static_cast<double>(set_.dimension()) * kEpsilon * condition;
+  return dual_;
 }
 
 double DesignValue::prior_gain() const {
   double gain = 0.0;
   for (std::size_t k = 0; k < constraints_.prior.size(); ++k) {
-    gain += constraints_.prior[k] * frame_.trace_dual()[k];
+    gain += constraints_.prior[k] * dual_[k];
   }
   return gain;
 }

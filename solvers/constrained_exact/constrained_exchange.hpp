@@ -16,10 +16,16 @@
 
 namespace graybox {
 
-// log Phi of designs (certificate.hpp).
+// log Phi of designs (certificate.hpp), all criteria. E and G are taken as they are, not smoothed.
+// What is handed out for them as G is a bound, as in dual_bound.hpp: of tr(G M) >= 1, with
+//
+//   Phi(N) / Phi(M) <= tr(G N)                          for every N >= 0,
+//
+// from the barrier of criterion_frame.hpp at M. A sharpness that does not suit M loosens it. A
+// compound criterion has the mean of those of its parts, by the inequality of weighted means.
 class DesignValue {
  public:
-  // Keeps references.
+  // Keeps references. G needs its region.
   DesignValue(const InformationSet& set, const DesignConstraints& constraints,
               const Criterion& criterion);
 
@@ -34,20 +40,30 @@ class DesignValue {
   }
   [[nodiscard]] double of(std::span<const double> packed);
   void add(std::size_t candidate, double count, std::span<double> packed) const;
-  // After a call: G, and tr(G P).
-  [[nodiscard]] std::span<const double> trace_dual();
+  // After a call: G, with E and G made smooth so far, and tr(G P).
+  [[nodiscard]] std::span<const double> trace_dual(double sharpness = 1.0);
   [[nodiscard]] double prior_gain() const;
+  // After trace_dual(): what rounding does to log tr(G N), relative: d eps times the condition of
+  // M with unit diagonal, of which sum_k M_kk (M^-1)_kk is the size.
+  [[nodiscard]] double rounding() const { return rounding_; }
   [[nodiscard]] std::span<const double> matrix() const { return matrix_; }
 
  private:
+  // One of the criteria that make up Phi, and its share.
+  struct Part {
+    double share;
+    CriterionFrame frame;
+  };
+
   void start();
 
   const InformationSet& set_;
   const DesignConstraints& constraints_;
   bool is_determinant_;
-  CriterionFrame frame_;
+  std::vector<Part> parts_;
   InverseCholesky inverse_;
-  std::vector<double> matrix_;
+  std::vector<double> matrix_, dual_;
+  double rounding_ = 0.0;
 };
 
 // Whether whole numbers obey all rows and limits, to a relative 1e-9.

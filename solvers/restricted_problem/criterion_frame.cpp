@@ -9,6 +9,9 @@ namespace graybox {
 namespace {
 
 constexpr double kSmallestShare = 1e-12;  // points with less have no say in the curvature
+// What a barrier's points may leave out of the second derivative together, which is at least one
+// along the gradient.
+constexpr double kLeftOut = 0.01;
 
 }  // namespace
 
@@ -125,9 +128,8 @@ double CriterionFrame::eigenvalue_value() {
   return 2.0 * std::log(largest) + f;
 }
 
-double CriterionFrame::region_value() {
+double CriterionFrame::largest_variance() {
   variance_.resize(row_counts_.size());
-  share_.resize(row_counts_.size());
   double largest = 0.0;
   for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
     variance_[j] =
@@ -135,6 +137,12 @@ double CriterionFrame::region_value() {
             .squaredNorm();
     largest = std::max(largest, variance_[j]);
   }
+  return largest;
+}
+
+double CriterionFrame::region_value() {
+  const double largest = largest_variance();
+  share_.resize(row_counts_.size());
   if (barrier_) {
     std::vector<double> relative(variance_.size());
     for (std::size_t j = 0; j < relative.size(); ++j) relative[j] = variance_[j] / largest;
@@ -173,6 +181,15 @@ double CriterionFrame::value(const InverseCholesky& inverse) {
          static_cast<double>(s);
 }
 
+double CriterionFrame::sharp_value(const InverseCholesky& inverse) {
+  if (!is_smoothed()) return value(inverse);
+  whiten(inverse);
+  if (form_ == Form::kRegion) return std::log(largest_variance());
+  dual_matrix_.noalias() = whitened_ * whitened_.transpose();
+  eigen_.compute(dual_matrix_, Eigen::EigenvaluesOnly);
+  return std::log(eigen_.eigenvalues().maxCoeff());
+}
+
 double CriterionFrame::compute(const InverseCholesky& inverse) {
   const double f = value(inverse);
   if (form_ == Form::kDeterminant) {
@@ -192,7 +209,6 @@ double CriterionFrame::compute(const InverseCholesky& inverse) {
         whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j])) *=
             root;
       }
-      collect_outer_terms();
     }
     dual_matrix_.noalias() = whitened_ * whitened_.transpose();
     eigen_.compute(dual_matrix_);
@@ -202,6 +218,7 @@ double CriterionFrame::compute(const InverseCholesky& inverse) {
   }
   dual_matrix_.noalias() = axes_.transpose() * shares_.asDiagonal() * axes_;
   pack_trace_dual(dual_matrix_.data(), static_cast<std::size_t>(x_.rows()), dual_.data());
+  if (form_ == Form::kRegion) collect_outer_terms();
   return f;
 }
 
@@ -215,14 +232,17 @@ void CriterionFrame::collect_eigenvalue_term() {
                   outer_.front().dual.data());
 }
 
-// With the columns of a point scaled to pi_j in squared norm, their outer products over pi_j.
+// With the columns of a point scaled to pi_j in squared norm, their outer products over pi_j. As
+// sum_j D_j v_j is the gradient, q is that and the points' own terms.
 void CriterionFrame::collect_outer_terms() {
   outer_.clear();
-  OuterTerm last{-1.0, std::vector<double>(dual_.size(), 0.0)};
+  OuterTerm last{-1.0, dual_};
   double curvature = 1.0;
+  const double least = kLeftOut / static_cast<double>(row_counts_.size());
   Eigen::MatrixXd v(x_.rows(), x_.rows());
   for (std::size_t j = 0, column = 0; j < row_counts_.size(); column += row_counts_[j], ++j) {
     if (share_[j] < kSmallestShare) continue;
+    if (barrier_ && sharpness_ * share_[j] * share_[j] < least) continue;
     const Eigen::MatrixXd z =
         x_.transpose() *
         whitened_.middleCols(static_cast<Index>(column), static_cast<Index>(row_counts_[j]));
@@ -234,8 +254,7 @@ void CriterionFrame::collect_outer_terms() {
     if (!barrier_) continue;
     term.coefficient = sharpness_ * share_[j] * share_[j];
     curvature += term.coefficient;
-    const double part = share_[j] + term.coefficient;
-    for (std::size_t k = 0; k < dual_.size(); ++k) last.dual[k] += part * term.dual[k];
+    for (std::size_t k = 0; k < dual_.size(); ++k) last.dual[k] += term.coefficient * term.dual[k];
   }
   last.coefficient = -1.0 / curvature;
   if (barrier_) outer_.push_back(std::move(last));

@@ -75,6 +75,8 @@ class CriterionFrame {
 
   // f at the M that `inverse` has factorised; the frame stays where it is.
   [[nodiscard]] double value(const InverseCholesky& inverse);
+  // The same of the criterion itself, where E or G is made smooth.
+  [[nodiscard]] double sharp_value(const InverseCholesky& inverse);
   // Moves the frame to that M and returns f.
   double compute(const InverseCholesky& inverse);
 
@@ -111,6 +113,7 @@ class CriterionFrame {
 
   void whiten(const InverseCholesky& inverse);
   double power_value();
+  double largest_variance();
   double region_value();
   double eigenvalue_value();
   double barrier_value(std::span<const double> relative);

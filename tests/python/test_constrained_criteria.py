@@ -1,4 +1,5 @@
-"""Criteria without a factor under constraints: closed forms, SciPy's SLSQP, what is refused."""
+"""Criteria without a factor under constraints: closed forms, SciPy's SLSQP, whole numbers by brute force."""
+import itertools
 import unittest
 
 import numpy as np
@@ -46,9 +47,10 @@ class Instance:
         self.P = random.uniform(0, 1) * np.eye(3) if seed % 2 else np.zeros((3, 3))
         self.inside = inside
         self.region = random.normal(size=(5, 3))
-        kind = seed % 5
-        self.criterion = ("phi_p", "G", {"D": 0.5, "A": 0.3, "phi_p": 0.2}, "phi_p", "E")[kind]
-        self.p = (0.5, None, 3.0, 20.0, None)[kind]
+        kind = seed % 6
+        self.criterion = ("phi_p", "G", {"D": 0.5, "A": 0.3, "phi_p": 0.2}, "phi_p", "E",
+                          {"D": 0.4, "E": 0.6})[kind]
+        self.p = (0.5, None, 3.0, 20.0, None, None)[kind]
         self.request = {"experiments": self.experiments, "stock": self.stock, "A_ub": self.A,
                         "b_ub": self.b}
         if seed % 2:
@@ -104,7 +106,7 @@ class ConstrainedCriteria(InFolder):
     @unittest.skipIf(minimize is None, "SciPy is not installed")
     def test_an_independent_solver_finds_nothing_better(self):
         unsolved = 0
-        for seed in range(40):
+        for seed in range(48):
             instance = Instance(seed)
             gap = 1e-6
             design = graybox.solve(instance.H, **instance.asked, **instance.request, gap=gap)
@@ -134,11 +136,23 @@ class ConstrainedCriteria(InFolder):
             ratio = np.exp(b - a) if is_log else b / a if asked == {"criterion": "E"} else a / b
             self.assertAlmostEqual(ratio / 7, 1.0, 5, asked)
 
-    def test_what_is_not_there_is_refused(self):
-        H = random_set(30, 3)
-        for criterion in ("E", "G", "phi_p", {"D": 0.5, "A": 0.5}):
-            with self.assertRaisesRegex(graybox.InputError, "has no exact method"):
-                graybox.exact(H, 5, criterion, p=2.0 if criterion == "phi_p" else None, stock=1)
+    def test_whole_numbers_are_the_best_of_all(self):
+        H, region = random_set(7, 3, 5), np.random.default_rng(2).normal(size=(4, 3))
+        for criterion, more in (("E", {}), ("G", {"region": region}), ("phi_p", {"p": 3.0}),
+                                ({"D": 0.5, "E": 0.5}, {})):
+            found = graybox.exact(H, 4, criterion, **more, stock=2, gap=1e-7)
+            self.assertTrue(found.optimal, criterion)
+
+            def value(counts):
+                return log_phi(np.einsum("q,qij->ij", np.array(counts, float), H), criterion, region,
+                               more.get("p"))
+            best = max(value(counts) for counts in itertools.product(range(3), repeat=7)
+                       if sum(counts) == 4)
+            self.assertAlmostEqual(value(found.counts), best, 6, criterion)
+            proof = found.certify()
+            self.assertAlmostEqual(proof.criterion_value, found.criterion_value, 12)
+            self.assertLessEqual(proof.efficiency, np.exp(value(found.counts) - best) + 1e-9)
+            self.assertGreater(proof.efficiency, 0.3)
 
 
 if __name__ == "__main__":

@@ -221,8 +221,6 @@ TEST_F(CriterionCommand, WrongInputIsOneLine) {
   expect_refused("solve set.h5 --criterion D=1,A", "'A' is no criterion=share");
   expect_refused("solve set.h5 --criterion D=1,A=-1", "must be positive");
   expect_refused("solve set.h5 --criterion compound", "D=0.5,A=0.5");
-  expect_refused("exact set.h5 --experiments 6 --criterion G", "no exact method");
-  expect_refused("exact set.h5 --experiments 6 --stock 1 --criterion phi_p --p 2", "phi_p");
   expect_refused("solve set.h5 --criterion L", "needs --weights");
   expect_refused("solve set.h5 --criterion Ds", "needs --interest");
   expect_refused("solve set.h5 --criterion A --weights 0=1", "--weights belongs to --criterion L");
