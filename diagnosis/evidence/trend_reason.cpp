@@ -32,20 +32,21 @@ Course course_in_words(const LawTrend& trend) {
   return course;
 }
 
-std::string course_of(const LawTrend& trend, const std::string& unit) {
+std::string course_of(const LawTrend& trend, const std::string& own_unit) {
   const Course course = course_in_words(trend);
+  const std::string unit = own_unit == "1" || own_unit.empty() ? "" : " " + own_unit;
   switch (trend.on) {
     case LawTrend::On::kTime:
-      return fmt::format("about {} {} where recordings begin, {} where they end", course.from, unit,
+      return fmt::format("about {}{} where recordings begin, {} where they end", course.from, unit,
                          course.to);
     case LawTrend::On::kPosition:
-      return fmt::format("between about {} and {} {} along the way", course.least, course.most,
+      return fmt::format("between about {} and {}{} along the way", course.least, course.most,
                          unit);
     case LawTrend::On::kSpeed:
-      return fmt::format("about {} {} in fast motion, {} in slow motion", course.from, unit,
+      return fmt::format("about {}{} in fast motion, {} in slow motion", course.from, unit,
                          course.to);
     case LawTrend::On::kDirection:
-      return fmt::format("about {} {} one way, {} the other", course.from, unit, course.to);
+      return fmt::format("about {}{} one way, {} the other", course.from, unit, course.to);
   }
   return {};
 }

@@ -98,14 +98,14 @@ std::vector<UncertainParameter> parameters_seen(const RigidRobotModel& robot,
 }
 
 // A departure from what is stated, in the parameter's own unit.
-struct Departure {
+struct BodyDeparture {
   const UncertainParameter* parameter;
   double value, standard_error;
 };
 
-Departure departure_of(const ForceBalanceData& data, const UncertainParameter& parameter,
-                       const std::vector<LawParameterEstimate>& model_parameters,
-                       const LawParameterEstimate& estimate) {
+BodyDeparture departure_of(const ForceBalanceData& data, const UncertainParameter& parameter,
+                           const std::vector<LawParameterEstimate>& model_parameters,
+                           const LawParameterEstimate& estimate) {
   if (parameter.joint < 0) return {&parameter, estimate.value, estimate.standard_error};
   const auto joint = static_cast<std::size_t>(parameter.joint);
   const Index gain = data.gain_parameters[joint];
@@ -115,13 +115,13 @@ Departure departure_of(const ForceBalanceData& data, const UncertainParameter& p
 }
 
 // Of each parameter of a link the departure with the least standard error.
-std::vector<Departure> departures_of(const ForceBalanceData& data,
-                                     const std::vector<LawParameterEstimate>& model_parameters) {
-  std::map<std::pair<Index, Index>, Departure> best;
+std::vector<BodyDeparture> departures_of(
+    const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
+  std::map<std::pair<Index, Index>, BodyDeparture> best;
   const std::size_t first = model_parameters.size() - data.uncertain.size();
   for (std::size_t k = 0; k < data.uncertain.size(); ++k) {
     const UncertainParameter& parameter = data.uncertain[k];
-    const Departure departure =
+    const BodyDeparture departure =
         departure_of(data, parameter, model_parameters, model_parameters[first + k]);
     const auto [place, is_first] =
         best.try_emplace({parameter.link, parameter.parameter}, departure);
@@ -129,7 +129,7 @@ std::vector<Departure> departures_of(const ForceBalanceData& data,
       place->second = departure;
     }
   }
-  std::vector<Departure> departures;
+  std::vector<BodyDeparture> departures;
   for (const auto& [key, departure] : best) departures.push_back(departure);
   return departures;
 }
@@ -222,7 +222,7 @@ std::vector<PhysicalBody> fitted_bodies(const ForceBalanceData& data,
 std::vector<std::string> departures_from_stated(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
   std::vector<std::pair<double, std::string>> found;
-  for (const Departure& departure : departures_of(data, model_parameters)) {
+  for (const BodyDeparture& departure : departures_of(data, model_parameters)) {
     const UncertainParameter& parameter = *departure.parameter;
     const double errors = std::abs(departure.value) / departure.standard_error;
     if (!(errors > kToldApart)) continue;

@@ -9,7 +9,7 @@
 // Theil and Goldberger 1961). Residuals follow each other in time, so that N of them say as much as
 // N_eff independent ones: the precision is N / N_eff over the variance.
 //
-// Where drive gains g_j are unknown, joint j has the departures d / g_j of its own, with the prior's
+// Where drive gains g_j are unknown, joint j has departures d / g_j of its own, with the prior's
 // standard deviations over |g_j|, so that the fit stays linear.
 #pragma once
 

@@ -27,7 +27,7 @@ constexpr double kNoiseLimit = 1.5;                        // times the noise
 constexpr double kRoundedLimit = 2.0 * kHeldOutLimit;      // where the sensor counts
 constexpr double kForeseen = 0.5 * kHeldOutLimit;          // of that, by what is left alone
 constexpr double kGrowthLimit = 1.5, kGrowthErrors = 2.0;  // and its standard errors
-constexpr double kNotSmall = 5.0;                          // % of the signal
+constexpr double kNotSmall = 1.0;                          // % of the signal
 constexpr double kSmallError = 3.0;        // % of the signal, which may grow from less
 constexpr double kMostGrowthOfNone = 5.0;  // of such an error, where nothing is missing
 constexpr double kWholeLimit = 50.0;       // % of the signal

@@ -56,7 +56,8 @@ struct PredictionTask {
 inline constexpr Eigen::Index kFewestHorizonWindows = 10;                // of a horizon
 inline constexpr Eigen::Index kFirstHorizon = 10, kShortestHorizon = 3;  // samples
 
-// Whole windows of a horizon in a recording of so many samples, after those that the predictor sees.
+// Whole windows of a horizon in a recording of so many samples, after those that the predictor
+// sees.
 [[nodiscard]] Eigen::Index whole_windows(Eigen::Index samples, Eigen::Index horizon);
 
 // How many samples of the estimation recordings are wanted. More are thinned: every f-th sample of

@@ -1,8 +1,8 @@
 // A second look at a drive that is recorded later than it acts (drive_lateness.hpp).
 //
-// No law of a machine moves it before its drive acts. So the drive is moved in time, and the machine
-// is diagnosed once more. What that finds answers where it leaves at most 0.6 times the error kept
-// out. The channel is named among those that were moved, with both errors.
+// No law of a machine moves it before its drive acts. So the drive is moved in time, and the
+// machine is diagnosed once more. What that finds answers where it leaves at most 0.6 times the
+// error kept out. The channel is named among those that were moved, with both errors.
 #pragma once
 
 #include <optional>

@@ -3,8 +3,9 @@
 // Which of two equal recordings is named first is chance. Where the first shows no law that holds
 // on the other, they change places, and what the other shows is tested on the first. A short log
 // that is cut in two may show in neither part what it shows as a whole. Then all recordings are
-// fitted. Nothing is left to test what is found so, and its verdict is `ambiguous` at best. So are they
-// where the two ask for other sizes of the same laws: other laws may hold with one size for both.
+// fitted. Nothing is left to test what is found so, and its verdict is `ambiguous` at best. So are
+// they where the two ask for other sizes of the same laws: other laws may hold with one size for
+// both.
 #pragma once
 
 #include <optional>

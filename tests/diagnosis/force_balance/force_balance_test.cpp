@@ -609,8 +609,8 @@ TEST_F(ForceBalance, FreesBodiesThatAreNotAsStated) {
   EXPECT_EQ(excluding(diagnosis.implausible), 0U);
 }
 
-// Drives that report currents: each joint has departures over its gain. What is told of a body and of
-// a gain together is what the joint feels: the static moment about the shoulder.
+// Drives that report currents: each joint has departures over its gain. What is told of a body and
+// of a gain together is what the joint feels: the static moment about the shoulder.
 TEST_F(ForceBalance, FreesBodiesWhereDriveGainsAreUnknown) {
   const std::string heavier = replaced(
       replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2,", "mass: 4.5, centre_of_mass: [0.22,"),
