@@ -281,9 +281,7 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "Exit code 1: time was up (the bound reached is stated), or no regular design was found.\n"
       "Examples:\n"
-      "  graybox exact set.h5 --experiments 20 --time-limit 300 --report design.html\n"
-      "  graybox exact set.h5 --experiments 20 --criterion E --gap 0.01\n"
-      "  graybox exact set.h5 --experiments 20 --criterion G --region points.csv --gap 0.01\n"
+      "  graybox exact set.h5 --experiments 20 --criterion E --gap 0.01 --report design.html\n"
       "  graybox exact set.h5 --experiments 1:100 --time-limit 20 --table exact_designs.csv");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = exact(*arguments, invocation); });

@@ -286,10 +286,8 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   command->footer(
       "Exit code 0: the gap asked is proven, rounding included. Ctrl-C keeps the best (1).\n"
       "Examples:\n"
-      "  graybox solve set.h5 --gap 1e-9 -o design.json --report design.html\n"
-      "  graybox solve set.h5 --costs minutes.csv --budget 90 --forbid 'q1 > 90'\n"
-      "  graybox solve set.h5 --criterion E --floor A=0.8         # the worst direction\n"
-      "  graybox solve set.h5 --criterion G --region points.csv   # the worst prediction");
+      "  graybox solve set.h5 --criterion E --gap 1e-5 -o design.json --report design.html\n"
+      "  graybox solve set.h5 --criterion G --region points.csv --costs minutes.csv --budget 90");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = solve(*arguments, invocation); });
 }
