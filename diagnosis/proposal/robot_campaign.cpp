@@ -172,11 +172,16 @@ class RobotCampaignDraft {
     return static_cast<Eigen::Index>(kPeriods / (*draft_.low_pass * step));
   }
 
-  // Questions about columns stand at the first channel.
+  // Questions about columns stand at the channel that they name, else at the first.
   void mark_choice() {
     for (const OpenQuestion& question : proposal_.questions) {
       if (question.kind != OpenQuestion::Kind::kChoice || draft_.channels.empty()) continue;
-      draft_.channels.front().comment = "# ANSWER: " + question.text;
+      const auto is_named = [&](const DraftChannel& channel) {
+        return question.text.find("'" + channel.column + "'") != std::string::npos;
+      };
+      const auto named = std::ranges::find_if(draft_.channels, is_named);
+      DraftChannel& marked = named != draft_.channels.end() ? *named : draft_.channels.front();
+      marked.comment = "# ANSWER: " + question.text;
     }
   }
 

@@ -51,6 +51,43 @@ class LogAnswers : public testing::CommandRunner {
   }
 };
 
+// Degrees titled as radians, of the second joint of an arm: the question stands on its own line.
+TEST_F(LogAnswers, AQuestionAboutAJointStandsOnItsLine) {
+  std::string urdf = "<robot name=\"arm\"><link name=\"base\"/>";
+  for (const char* joint : {"1", "2"}) {
+    urdf += fmt::format(
+        "<link name=\"link{0}\"><inertial><origin xyz=\"0.2 0 0\"/><mass value=\"2\"/>"
+        "<inertia ixx=\"0.01\" iyy=\"0.02\" izz=\"0.02\" ixy=\"0\" ixz=\"0\" "
+        "iyz=\"0\"/></inertial></link>"
+        "<joint name=\"joint{0}\" type=\"revolute\"><parent link=\"{1}\"/><child link=\"link{0}\"/>"
+        "<origin xyz=\"0.4 0 0\"/><axis xyz=\"0 1 0\"/>"
+        "<limit lower=\"-9\" upper=\"9\" effort=\"99\" velocity=\"9\"/></joint>",
+        joint, std::string(joint) == "1" ? "base" : "link1");
+  }
+  write_text(folder_.file("arm.urdf"), urdf + "</robot>");
+  const std::string each = ",joint{0}_position,joint{0}_velocity,joint{0}_current";
+  write_log("log.csv",
+            "time" + fmt::format(fmt::runtime(each), 1) + fmt::format(fmt::runtime(each), 2), 0.01,
+            800, [](int k) {
+              std::vector<double> row;
+              for (const double w : {2.0, 3.1}) {
+                const double t = 0.01 * k, unit = w > 3.0 ? 57.29578 : 1.0;
+                row.push_back(unit * std::sin(w * t));
+                row.push_back(w * std::cos(w * t));
+                row.push_back(3.0 * std::cos(std::sin(w * t)) + 0.5 * std::cos(w * t));
+              }
+              return row;
+            });
+  const Outcome asked = graybox("model arm.urdf log.csv -o arm");
+  EXPECT_EQ(asked.exit_code, 2) << asked.out << asked.err;
+  EXPECT_TRUE(says(asked, "don't agree")) << asked.out << asked.err;
+  const std::string campaign = read_text(folder_.file("arm/campaign.yaml"));
+  const std::size_t answer = campaign.find("# ANSWER: ");
+  ASSERT_NE(answer, std::string::npos) << campaign;
+  const std::string line = campaign.substr(campaign.rfind('\n', answer) + 1, 60);
+  EXPECT_NE(line.find("position_joint2"), std::string::npos) << line;
+}
+
 // A header of "second,Volt": the motion is in volts, and no file of the user is at fault.
 TEST_F(LogAnswers, AMotionInAUnitOfSomethingElseIsAskedAbout) {
   write_log("log.csv", "second,Volt", 0.004, 300,
