@@ -70,6 +70,29 @@ TEST_F(ConstrainedCommand, DesignsAreWhatComesNext) {
   EXPECT_LE(checked["proven_efficiency"].get<double>(), 1.0);
 }
 
+// No whole numbers are better than the relaxed design of the same request.
+TEST_F(ConstrainedCommand, EveryCriterionHasWholeNumbers) {
+  write_text(folder_.file("axes.csv"), "1,0,0,0\n0,1,0,0\n0,0,1,0\n0,0,0,1\n");
+  for (const std::string criterion : {"E", "G --region axes.csv", "phi_p --p 3", "D=0.5,E=0.5",
+                                      "A=0.5,G=0.5 --region axes.csv"}) {
+    SCOPED_TRACE(criterion);
+    const std::string asked = " set.h5 --request request.yaml --criterion " + criterion;
+    const Json relaxed = run("solve" + asked + " --gap 1e-5 --json");
+    const Json whole = run("exact" + asked + " --gap 0.03 --json -o whole.json");
+    EXPECT_EQ(relaxed["status"], "solved");
+    EXPECT_EQ(whole["status"], "optimal");
+    EXPECT_GE(whole["proven_efficiency"].get<double>(), 1.0 / 1.03 - 1e-9);
+    const bool rises = criterion.front() == 'E' || criterion.find('=') != std::string::npos;
+    const double loss =
+        relaxed["criterion_value"].get<double>() - whole["criterion_value"].get<double>();
+    EXPECT_GE(rises ? loss : -loss, -1e-5 * std::abs(relaxed["criterion_value"].get<double>()));
+    const Json checked = run("check set.h5 whole.json --json");
+    EXPECT_EQ(checked["criterion_value"], whole["criterion_value"]);
+    EXPECT_LE(checked["proven_efficiency"].get<double>(), 1.0);
+    EXPECT_GT(checked["proven_efficiency"].get<double>(), 0.7);
+  }
+}
+
 TEST_F(ConstrainedCommand, FilesMoveTogetherAndMustNotChange) {
   std::filesystem::create_directory(folder_.file("campaign"));
   std::string costs;
@@ -100,7 +123,6 @@ TEST_F(ConstrainedCommand, WhatDoesNotFitIsRefusedInOneLine) {
   expect_refused("solve set.h5 --experiments 3 --forbid 60", "beyond the last candidate");
   expect_refused("solve set.h5 --experiments 3 --forbid 'q1 > 2'", "coordinates");
   expect_refused("solve set.h5 --experiments 3 --solver multiplicative", "column_generation");
-  expect_refused("exact set.h5 --experiments 3 --criterion E", "E");
   expect_refused("solve set.h5 --request missing.yaml", "missing.yaml");
   expect_refused("exact set.h5", "experiments");
   expect_refused("exact set.h5 --top 2", "experiments");
