@@ -61,14 +61,15 @@ TEST_F(LogAnswers, AQuestionAboutAJointStandsOnItsLine) {
         "iyz=\"0\"/></inertial></link>"
         "<joint name=\"joint{0}\" type=\"revolute\"><parent link=\"{1}\"/><child link=\"link{0}\"/>"
         "<origin xyz=\"0.4 0 0\"/><axis xyz=\"0 1 0\"/>"
-        "<limit lower=\"-9\" upper=\"9\" effort=\"99\" velocity=\"9\"/></joint>",
+        "<limit lower=\"-99\" upper=\"99\" effort=\"99\" velocity=\"9\"/></joint>",
         joint, std::string(joint) == "1" ? "base" : "link1");
   }
   write_text(folder_.file("arm.urdf"), urdf + "</robot>");
-  const std::string each = ",joint{0}_position,joint{0}_velocity,joint{0}_current";
+  const std::string each =
+      ",joint{0}_position [rad],joint{0}_velocity [rad/s],joint{0}_current [A]";
   write_log("log.csv",
-            "time" + fmt::format(fmt::runtime(each), 1) + fmt::format(fmt::runtime(each), 2), 0.01,
-            800, [](int k) {
+            "time [s]" + fmt::format(fmt::runtime(each), 1) + fmt::format(fmt::runtime(each), 2),
+            0.01, 800, [](int k) {
               std::vector<double> row;
               for (const double w : {2.0, 3.1}) {
                 const double t = 0.01 * k, unit = w > 3.0 ? 57.29578 : 1.0;
