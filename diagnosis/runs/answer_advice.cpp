@@ -98,14 +98,15 @@ void advise_on_rivals(std::span<const Hypothesis> hypotheses, Diagnosis& diagnos
 void require_confirmed_laws(Diagnosis& diagnosis) {
   if (!has_no_confirmed_law(diagnosis) || diagnosis.reasons.empty()) return;
   VerdictReason reason;
-  reason.test = "laws found that recordings kept out bear out";
+  reason.test = "laws told that are confirmed";
   reason.value = 0.0;
   reason.limit = 1.0;
   reason.is_lower_limit = true;
   reason.passed = false;
   reason.otherwise = Verdict::kUnknown;
   reason.next =
-      "record more, and other motion: what these laws gain in the fit they do not gain elsewhere";
+      "record more, and other motion: the sizes of these laws are not told, or they gain nothing "
+      "in recordings kept out";
   diagnosis.reasons.insert(diagnosis.reasons.begin(), std::move(reason));
   diagnosis.verdict = verdict_of(diagnosis.reasons);
 }

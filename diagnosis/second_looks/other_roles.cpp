@@ -96,8 +96,9 @@ RolesLook look_with_roles(const MethodChoice& method, const DiagnosisRequest& re
   MethodAnswer found = answer_by(method, request, changed);
   RolesLook look;
   look.was_stopped = found.answer.diagnosis.interrupted;
-  if (is_found(found.answer) && !leaves_more(found.answer.diagnosis))
+  if (is_found(found.answer) && !leaves_more(found.answer.diagnosis)) {
     look.answer = {std::move(changed), std::move(found)};
+  }
   return look;
 }
 

@@ -53,15 +53,14 @@ bool fails(const Diagnosis& diagnosis, const char* test) {
   });
 }
 
-// No law was found, or none that recordings kept out bear out.
+// The headline where laws are told and none is confirmed.
 std::string unconfirmed_words(const Diagnosis& diagnosis) {
   constexpr double kWell = 15.0;  // % of the signal
   const bool is_well = diagnosis.validation_before && diagnosis.validation_before->nrmse <= kWell;
   return is_well
              ? "The model as given foretells recordings kept out about as well as with any law: "
                "nothing is shown to be missing."
-             : "Physics is missing, and no law that was tried is borne out by recordings kept "
-               "out.";
+             : "Physics is missing, and no law that was tried is confirmed.";
 }
 
 // The mass or inertia without which no force is known, where nothing was found; empty: none.
