@@ -114,7 +114,7 @@ BodyDeparture departure_of(const ForceBalanceData& data, const UncertainParamete
   return {&parameter, estimate.value / inverse, estimate.standard_error / std::abs(inverse)};
 }
 
-// Of each parameter of a link the departure with the least standard error.
+// The departure with the least standard error, for each parameter of a link.
 std::vector<BodyDeparture> departures_of(
     const ForceBalanceData& data, const std::vector<LawParameterEstimate>& model_parameters) {
   std::map<std::pair<Index, Index>, BodyDeparture> best;

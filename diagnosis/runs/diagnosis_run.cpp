@@ -34,15 +34,15 @@ void end_when_stopped(SearchOptions& search) {
 
 // By the method chosen, with the drive in time, and in other roles, where the recordings ask for
 // that.
-AnswerInRoles answer_with_second_looks(const DiagnosisRequest& request, Campaign campaign) {
+CampaignAnswer answer_with_second_looks(const DiagnosisRequest& request, Campaign campaign) {
   MethodAnswer first = answer_by(choose_method(request, campaign), request, campaign);
-  LateDriveLook late = look_at_late_drive(first, request, campaign);
+  CampaignLook late = look_at_late_drive(first, request, campaign);
   if (late.answer) {
     campaign = std::move(late.answer->campaign);
     first = std::move(late.answer->found);
   }
   if (late.was_stopped) tell_stopped(first.answer.diagnosis);
-  RolesLook look = look_at_other_roles(first, request, campaign);
+  CampaignLook look = look_at_other_roles(first, request, campaign);
   if (look.answer) return *std::move(look.answer);
   if (look.was_stopped) tell_stopped(first.answer.diagnosis);
   return {std::move(campaign), std::move(first)};

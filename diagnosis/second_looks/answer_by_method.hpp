@@ -6,6 +6,8 @@
 // (reversed_drive.hpp).
 #pragma once
 
+#include <optional>
+
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/second_looks/diagnosis_answer.hpp"
 #include "diagnosis/second_looks/method_choice.hpp"
@@ -15,6 +17,17 @@ namespace graybox {
 struct MethodAnswer {
   MethodChoice method;  // that which answers, and why
   DiagnosisAnswer answer;
+};
+
+// An answer to a campaign that was changed before it was asked: in its roles, or in its times.
+struct CampaignAnswer {
+  Campaign campaign;
+  MethodAnswer found;
+};
+
+struct CampaignLook {
+  std::optional<CampaignAnswer> answer;  // none: the first one stands
+  bool was_stopped = false;
 };
 
 // Throws InputError for files that are missing, wrong or do not belong together. What was found

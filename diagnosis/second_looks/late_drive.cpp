@@ -69,8 +69,8 @@ bool is_better(const MethodAnswer& moved, const MethodAnswer& first) {
 
 }  // namespace
 
-LateDriveLook look_at_late_drive(const MethodAnswer& first, const DiagnosisRequest& request,
-                                 const Campaign& campaign) {
+CampaignLook look_at_late_drive(const MethodAnswer& first, const DiagnosisRequest& request,
+                                const Campaign& campaign) {
   const MethodChoice& method = first.method;
   const bool is_asked = method.takes_any_motion() && method.drive && !stop_requested() &&
                         !request.search.ignore_channel_faults &&
@@ -85,7 +85,7 @@ LateDriveLook look_at_late_drive(const MethodAnswer& first, const DiagnosisReque
   Campaign changed = campaign;
   changed.preprocess.emplace_back(Advance{{name}, late});
   MethodAnswer found = answer_by(choose_method(request, changed), request, changed);
-  LateDriveLook look;
+  CampaignLook look;
   look.was_stopped = found.answer.diagnosis.interrupted;
   if (!is_better(found, first)) return look;
   Diagnosis& diagnosis = found.answer.diagnosis;

@@ -5,28 +5,16 @@
 // error kept out. The channel is named among those that were moved, with both errors.
 #pragma once
 
-#include <optional>
-
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/second_looks/answer_by_method.hpp"
 #include "diagnosis/second_looks/diagnosis_answer.hpp"
 
 namespace graybox {
 
-struct LateDriveAnswer {
-  Campaign campaign;  // with the drive moved
-  MethodAnswer found;
-};
-
-struct LateDriveLook {
-  std::optional<LateDriveAnswer> answer;  // none: the first one stands
-  bool was_stopped = false;
-};
-
-// Of one mass with one drive, in any motion, whose first answer leaves something. Throws InputError
-// as answer_by() does.
-[[nodiscard]] LateDriveLook look_at_late_drive(const MethodAnswer& first,
-                                               const DiagnosisRequest& request,
-                                               const Campaign& campaign);
+// The look is made at one mass with one drive, in any motion, whose first answer leaves something.
+// Throws InputError as answer_by() does.
+[[nodiscard]] CampaignLook look_at_late_drive(const MethodAnswer& first,
+                                              const DiagnosisRequest& request,
+                                              const Campaign& campaign);
 
 }  // namespace graybox

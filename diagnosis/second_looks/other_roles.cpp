@@ -88,13 +88,13 @@ bool leaves_more(const Diagnosis& diagnosis) {
 }
 
 // A diagnosis once more with recordings in these roles; none where it finds nothing either.
-RolesLook look_with_roles(const MethodChoice& method, const DiagnosisRequest& request,
-                          const Campaign& campaign,
-                          const std::function<ExperimentRole(ExperimentRole)>& role) {
+CampaignLook look_with_roles(const MethodChoice& method, const DiagnosisRequest& request,
+                             const Campaign& campaign,
+                             const std::function<ExperimentRole(ExperimentRole)>& role) {
   Campaign changed = campaign;
   for (Experiment& experiment : changed.experiments) experiment.role = role(experiment.role);
   MethodAnswer found = answer_by(method, request, changed);
-  RolesLook look;
+  CampaignLook look;
   look.was_stopped = found.answer.diagnosis.interrupted;
   if (is_found(found.answer) && !leaves_more(found.answer.diagnosis)) {
     look.answer = {std::move(changed), std::move(found)};
@@ -103,13 +103,13 @@ RolesLook look_with_roles(const MethodChoice& method, const DiagnosisRequest& re
 }
 
 // The recordings of the fit and those kept out change places.
-RolesLook look_with_exchanged(const MethodChoice& method, const DiagnosisRequest& request,
-                              const Campaign& campaign, const std::string& lack) {
+CampaignLook look_with_exchanged(const MethodChoice& method, const DiagnosisRequest& request,
+                                 const Campaign& campaign, const std::string& lack) {
   const auto exchanged = [](ExperimentRole role) {
     if (role == ExperimentRole::kEstimation) return ExperimentRole::kValidation;
     return role == ExperimentRole::kValidation ? ExperimentRole::kEstimation : role;
   };
-  RolesLook look = look_with_roles(method, request, campaign, exchanged);
+  CampaignLook look = look_with_roles(method, request, campaign, exchanged);
   if (!look.answer) return look;
   Diagnosis& diagnosis = look.answer->found.answer.diagnosis;
   if (diagnosis.verdict == Verdict::kUnknown || diagnosis.verdict == Verdict::kNone) {
@@ -124,12 +124,12 @@ RolesLook look_with_exchanged(const MethodChoice& method, const DiagnosisRequest
 }
 
 // All recordings are fitted.
-RolesLook look_with_all(const MethodChoice& method, const DiagnosisRequest& request,
-                        const Campaign& campaign, const std::string& lack) {
+CampaignLook look_with_all(const MethodChoice& method, const DiagnosisRequest& request,
+                           const Campaign& campaign, const std::string& lack) {
   const auto fitted = [](ExperimentRole role) {
     return role == ExperimentRole::kValidation ? ExperimentRole::kEstimation : role;
   };
-  RolesLook look = look_with_roles(method, request, campaign, fitted);
+  CampaignLook look = look_with_roles(method, request, campaign, fitted);
   if (!look.answer) return look;
   Diagnosis& diagnosis = look.answer->found.answer.diagnosis;
   diagnosis.assumptions.push_back(
@@ -154,9 +154,9 @@ std::set<std::pair<std::string, std::string>> laws_of(const DiagnosisAnswer& ans
 
 // All recordings are fitted, and other laws found with one size for all: those answer if they leave
 // less than what was found foretells of those kept out.
-RolesLook look_with_common_sizes(const MethodAnswer& first, const DiagnosisRequest& request,
-                                 const Campaign& campaign) {
-  RolesLook all =
+CampaignLook look_with_common_sizes(const MethodAnswer& first, const DiagnosisRequest& request,
+                                    const Campaign& campaign) {
+  CampaignLook all =
       look_with_all(first.method, request, campaign, "give other sizes than those kept out do");
   if (!all.answer) return all;
   const DiagnosisAnswer& answer = all.answer->found.answer;
@@ -169,20 +169,20 @@ RolesLook look_with_common_sizes(const MethodAnswer& first, const DiagnosisReque
 
 }  // namespace
 
-RolesLook look_at_other_roles(const MethodAnswer& first, const DiagnosisRequest& request,
-                              const Campaign& campaign) {
+CampaignLook look_at_other_roles(const MethodAnswer& first, const DiagnosisRequest& request,
+                                 const Campaign& campaign) {
   const MethodChoice& method = first.method;
   const std::string lack = lack_of(first.answer.diagnosis);
   const bool is_changed = lack.empty() && asks_for_other_sizes(first.answer.diagnosis);
   const bool is_asked = method.takes_any_motion() && (!lack.empty() || is_changed);
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
   if (is_changed) return look_with_common_sizes(first, request, campaign);
-  RolesLook others;
+  CampaignLook others;
   if (can_be_searched_kept_out(campaign)) {
     others = look_with_exchanged(method, request, campaign, lack);
   }
   if (others.was_stopped) return others;
-  RolesLook all = look_with_all(method, request, campaign, lack);
+  CampaignLook all = look_with_all(method, request, campaign, lack);
   if (all.was_stopped || !others.answer) return all;
   const bool are_the_same =
       all.answer && laws_of(all.answer->found.answer) == laws_of(others.answer->found.answer);

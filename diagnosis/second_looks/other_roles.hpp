@@ -8,30 +8,18 @@
 // both.
 #pragma once
 
-#include <optional>
-
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/second_looks/answer_by_method.hpp"
 #include "diagnosis/second_looks/diagnosis_answer.hpp"
 
 namespace graybox {
 
-struct AnswerInRoles {
-  Campaign campaign;  // with the roles in which it was found
-  MethodAnswer found;
-};
-
-struct RolesLook {
-  std::optional<AnswerInRoles> answer;  // none: the first one stands
-  bool was_stopped = false;
-};
-
 // What few recordings (5000 samples at most) of a lumped model in any motion show, where those of
 // the fit alone show no law that holds, or do not determine the mass. What those kept out show by
 // themselves and all together do not is another law that happens to hold on the others. Throws
 // InputError as answer_by() does.
-[[nodiscard]] RolesLook look_at_other_roles(const MethodAnswer& first,
-                                            const DiagnosisRequest& request,
-                                            const Campaign& campaign);
+[[nodiscard]] CampaignLook look_at_other_roles(const MethodAnswer& first,
+                                               const DiagnosisRequest& request,
+                                               const Campaign& campaign);
 
 }  // namespace graybox

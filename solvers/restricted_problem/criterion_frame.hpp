@@ -75,7 +75,7 @@ class CriterionFrame {
 
   // f at the M that `inverse` has factorised; the frame stays where it is.
   [[nodiscard]] double value(const InverseCholesky& inverse);
-  // The same of the criterion itself, where E or G is made smooth.
+  // f of the criterion itself at that M, where value() has E or G made smooth.
   [[nodiscard]] double sharp_value(const InverseCholesky& inverse);
   // Moves the frame to that M and returns f.
   double compute(const InverseCholesky& inverse);
