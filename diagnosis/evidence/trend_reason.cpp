@@ -13,6 +13,8 @@ constexpr double kTrendErrors = 4.5, kTrendShare = 0.1;  // of the parameter
 constexpr double kLeastOfSignal = 0.03;
 
 // Beyond zero the line of the trend says no more than "none".
+constexpr const char* kNone = "none";
+
 struct Course {
   std::string from, to, least, most;
 };
@@ -21,7 +23,7 @@ Course course_in_words(const LawTrend& trend) {
   const bool changes_sign = trend.from * trend.to < 0.0;
   const bool is_from_smaller = std::abs(trend.from) < std::abs(trend.to);
   const auto words = [&](double value, bool is_smaller) {
-    return changes_sign && is_smaller ? std::string("none") : fmt::format("{:.3g}", value);
+    return changes_sign && is_smaller ? std::string(kNone) : fmt::format("{:.3g}", value);
   };
   Course course;
   course.from = words(trend.from, is_from_smaller);
@@ -32,21 +34,35 @@ Course course_in_words(const LawTrend& trend) {
   return course;
 }
 
+// "about 8.7 N m", or "none".
+std::string first_size(const std::string& size, const std::string& unit) {
+  return size == kNone ? size : fmt::format("about {}{}", size, unit);
+}
+
+// The second of two: its unit stands with the first, if that has one.
+std::string second_size(const std::string& size, const std::string& first,
+                        const std::string& unit) {
+  return first == kNone ? first_size(size, unit) : size;
+}
+
 std::string course_of(const LawTrend& trend, const std::string& own_unit) {
   const Course course = course_in_words(trend);
   const std::string unit = own_unit == "1" || own_unit.empty() ? "" : " " + own_unit;
+  const std::string from = first_size(course.from, unit),
+                    to = second_size(course.to, course.from, unit);
   switch (trend.on) {
     case LawTrend::On::kTime:
-      return fmt::format("about {}{} where recordings begin, {} where they end", course.from, unit,
-                         course.to);
+      return fmt::format("{} where recordings begin, {} where they end", from, to);
     case LawTrend::On::kPosition:
-      return fmt::format("between about {} and {}{} along the way", course.least, course.most,
-                         unit);
+      return course.least == kNone || course.most == kNone
+                 ? fmt::format("between none and {} along the way",
+                               first_size(course.least == kNone ? course.most : course.least, unit))
+                 : fmt::format("between about {} and {}{} along the way", course.least, course.most,
+                               unit);
     case LawTrend::On::kSpeed:
-      return fmt::format("about {}{} in fast motion, {} in slow motion", course.from, unit,
-                         course.to);
+      return fmt::format("{} in fast motion, {} in slow motion", from, to);
     case LawTrend::On::kDirection:
-      return fmt::format("about {}{} one way, {} the other", course.from, unit, course.to);
+      return fmt::format("{} one way, {} the other", from, to);
   }
   return {};
 }

@@ -16,12 +16,14 @@ using Eigen::VectorXd;
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
 constexpr double kEnough = 0.25;  // of what the best split tells
 constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
+constexpr Index kFewestOfStroke = 250;    // of a block where the axis turns round once or twice
 constexpr double kFewestCrossings = 4.0;  // of a quarter
 
 // What each sample adds to the squares and to the crossings of the mean.
 struct Added {
   ArrayXd drive, motion, crossings;
   ArrayXd forwards, backwards;  // of the motion
+  int turns = 0;                // how often the motion turns round
   // What tells a mass, viscous and dry friction and a constant apart: a column each.
   Eigen::ArrayX4d told;
   // Positions, in place of `motion`: what hardly moves has little way, however it trembles.
@@ -38,6 +40,18 @@ ArrayXd without_spikes(const ArrayXd& values, Index over) {
   return most > 0.0 ? ArrayXd(values.max(-most).min(most)) : values;
 }
 
+// How often a rate changes its sign, smaller ones than a tenth of the largest left out.
+int turns_of(const ArrayXd& rates) {
+  const double slow = 0.1 * rates.abs().maxCoeff();
+  int turns = 0, way = 0;
+  for (const double rate : rates) {
+    const int here = rate > slow ? 1 : rate < -slow ? -1 : 0;
+    if (here != 0 && way != 0 && here != way) ++turns;
+    if (here != 0) way = here;
+  }
+  return turns;
+}
+
 Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   const Index n = drive.size(), over = std::max<Index>(1, n / 500);
   Added added{without_spikes(drive.array(), 1).square(),
@@ -45,6 +59,7 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
               ArrayXd::Zero(n),
+              0,
               Eigen::ArrayX4d::Zero(n, 4),
               is_velocity ? ArrayXd() : ArrayXd(motion.array())};
   ArrayXd rates = motion.array();
@@ -53,6 +68,7 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
     if (!is_velocity) rates(k) = change;
   }
   rates = without_spikes(rates, over);
+  added.turns = turns_of(rates);
   for (Index k = 0; k < n; ++k) {
     added.motion(k) = rates(k) * rates(k);
     (rates(k) > 0.0 ? added.forwards : added.backwards)(k) = added.motion(k);
@@ -130,6 +146,12 @@ bool turns_between_halves(const Added& added) {
          !Shares(added.backwards, 2).have_each(kNothing);
 }
 
+// Once or twice in the whole log: a half goes mostly one way, and foretells nothing of the other.
+bool turns_seldom(const Added& added) {
+  constexpr int kSeldom = 2;
+  return added.turns > 0 && added.turns <= kSeldom && goes_both_ways(added);
+}
+
 // The way between the first and the last twentieth of the places that are passed.
 double way_of(const ArrayXd& place) {
   std::vector<double> sorted(place.begin(), place.end());
@@ -186,6 +208,7 @@ std::string reason_against_halves(const Added& added) {
                                        : "nothing moves in the first half";
   }
   if (turns_between_halves(added)) return "the axis goes one way in each half";
+  if (turns_seldom(added)) return "the axis turns round only once or twice";
   if (is_chirp(added.crossings)) return "the drive's frequency changes along the log";
   if (const int still = still_half(added.place); still != 0) {
     return still > 0 ? "nothing moves in the second half" : "nothing moves in the first half";
@@ -207,7 +230,8 @@ double fairly_told(const Added& added, Index blocks) {
   if (!Shares(added.drive, blocks).have_each(kShare)) return 0.0;
   if (!Shares(added.motion, blocks).have_each(kShare)) return 0.0;
   if (!have_ways(added.place, blocks)) return 0.0;
-  if (turns_between_halves(added) && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
+  const bool is_mixed = !turns_between_halves(added) && !turns_seldom(added);
+  if (!is_mixed && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
   if (is_chirp(added.crossings) && !are_alike(added.crossings, blocks)) return 0.0;
   return told_by_each(added, blocks);
 }
@@ -215,8 +239,9 @@ double fairly_told(const Added& added, Index blocks) {
 // Numbers of blocks, rising, of which both roles have their share of all.
 std::vector<SplitTrial> fair_splits(const Added& added) {
   std::vector<SplitTrial> trials;
+  const Index fewest = turns_seldom(added) ? kFewestOfStroke : kFewestOfBlock;
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
-    if (added.drive.size() / blocks < kFewestOfBlock) break;
+    if (added.drive.size() / blocks < fewest) break;
     const double told = fairly_told(added, blocks);
     if (told >= kNothing) trials.push_back({blocks, told});
   }
@@ -281,7 +306,8 @@ KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Index lost) {
     if (n != axes[k].position.size() || n < 2 * kFewestOfBlock) continue;
     Added added = added_by(axes[k].drive, axes[k].position, false);
     if (!(added.motion.sum() > 0.0) || !(added.drive.sum() > 0.0)) continue;
-    added.crossings.setZero();  // no joint is asked for a chirp
+    added.crossings.setZero();  // no joint is asked for a chirp, nor how often it turns round
+    added.turns = 0;
     const std::string reason = reason_against_halves(added);
     // By what blocks are held against.
     if (reason.empty() && fairly_told(added, 2) >= kNothing) ++alike;

@@ -8,6 +8,7 @@
 
 #include "diagnosis/first_masses/free_response.hpp"
 #include "diagnosis/signal_faults/spike.hpp"
+#include "diagnosis/signals/drive_work.hpp"
 
 namespace graybox {
 namespace {
@@ -354,8 +355,18 @@ class OneMassSearch {
       return start;
     }
     const bool follows = solution.left < kHalf * solution.without_drive;
-    start.told = follows && stays_negative(chosen) ? OneMassTold::kReversed : OneMassTold::kNothing;
+    const bool is_reversed = follows && stays_negative(chosen) && !drive_pushes();
+    start.told = is_reversed ? OneMassTold::kReversed : OneMassTold::kNothing;
     return start;
+  }
+
+  // Whether the drive acts with the motion for most of the time, as no reversed one does.
+  [[nodiscard]] bool drive_pushes() const {
+    constexpr double kSometimes = 0.25;
+    const DriveWorkBothWays ways = drive_work(log_.force, log_.motion, log_.is_velocity);
+    const auto moving = static_cast<double>(ways.forwards.moving + ways.backwards.moving);
+    const auto against = static_cast<double>(ways.forwards.against + ways.backwards.against);
+    return ways.forwards.work + ways.backwards.work > 0.0 && against < kSometimes * moving;
   }
 
   // Whether the mass is negative beside all forces of the list, too, by three standard errors of

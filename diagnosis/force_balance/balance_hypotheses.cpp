@@ -44,7 +44,8 @@ bool is_within_ranges(const PlacedLaw& law) {
 }
 
 // A spring on a lever that is short beside its anchor's distance gives a torque that is a sine of
-// the angle, which is a weight's.
+// the angle, which is a weight's. So does one whose anchor is near beside its lever: the two may
+// change places.
 bool has_lever(const PlacedLaw& law) {
   constexpr double kShortest = 0.01;  // of the distance
   double distance = 0.0, lever = 0.0;
@@ -53,7 +54,8 @@ bool has_lever(const PlacedLaw& law) {
     if (name == "anchor_distance") distance = law.parameters[i];
     if (name == "lever_length") lever = law.parameters[i];
   }
-  return lever >= kShortest * distance;
+  if (distance == 0.0) return true;  // the law has none
+  return std::min(lever, distance) >= kShortest * std::max(lever, distance);
 }
 
 // The period of a ripple; none for other laws.
@@ -101,7 +103,9 @@ std::string BalanceHypotheses::trouble_with(const PlacedLaw& law) const {
   if (!slides(law)) return "a friction never slides: it is a damper here";
   if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
   if (!is_shown(law)) return "a ripple is shorter than the samples show";
-  if (!has_lever(law)) return "a balancer's lever is next to nothing: its torque is a weight's";
+  if (!has_lever(law)) {
+    return "a balancer's lever or anchor is next to nothing: its torque is a weight's";
+  }
   if (!is_within_reach(law)) return "a payload is farther from the flange than the robot is long";
   return "";
 }

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -111,6 +112,28 @@ RateFit fit_short_rate(const Eigen::VectorXd& rate, const Eigen::VectorXd& veloc
   return best;
 }
 
+// The factor of the velocity in the position's rate, by integrals beside a drift; 0 where that
+// does not tell it. The noise of a differentiated position makes the factor of the rates too large.
+double factor_of_integral(const Eigen::VectorXd& position, const Eigen::VectorXd& velocity,
+                          double step) {
+  constexpr double kClearly = 0.02;  // of the squares may be left
+  const Eigen::Index n = position.size();
+  Eigen::MatrixX2d line(n, 2);
+  line.col(0).setOnes();
+  line.col(1).setLinSpaced(n, -1.0, 1.0);
+  Eigen::VectorXd integral = Eigen::VectorXd::Zero(n);
+  for (Eigen::Index k = 1; k < n; ++k) {
+    integral(k) = integral(k - 1) + 0.5 * step * (velocity(k) + velocity(k - 1));
+  }
+  const auto qr = line.householderQr();
+  const Eigen::VectorXd way = position - line * qr.solve(position),
+                        own = integral - line * qr.solve(integral);
+  const double square = own.squaredNorm();
+  if (!(square > 0.0)) return 0.0;
+  const double factor = own.dot(way) / square;
+  return (way - factor * own).squaredNorm() < kClearly * way.squaredNorm() ? factor : 0.0;
+}
+
 }  // namespace
 
 std::pair<Eigen::VectorXd, bool> without_wraps(const Eigen::VectorXd& position, double turn) {
@@ -173,7 +196,13 @@ std::optional<RateFit> fit_rate(const Eigen::VectorXd& position, const Eigen::Ve
   }
   const LateFit fit = compare_late(rate, inner, step).best();
   if (!(fit.misfit < kWorstMisfit) || fit.gain == 0.0) return {};
-  return RateFit{1.0 / fit.gain, fit.late, fit.misfit};
+  RateFit result{1.0 / fit.gain, fit.late, fit.misfit};
+  const bool is_in_time = std::abs(fit.late) <= 2.0 * step;
+  if (const double factor = factor_of_integral(position, velocity, step);
+      is_in_time && factor * result.factor > 0.0) {
+    result.factor = factor;
+  }
+  return result;
 }
 
 MotionUnits units_by_rate(double factor, const std::string& position, const std::string& velocity,

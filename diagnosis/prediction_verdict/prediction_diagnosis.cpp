@@ -79,8 +79,10 @@ class DiagnosisBuilder {
     result_.may_be_disturbed =
         result_.effects.empty() && reasons.leaves_force() && reasons.is_without_structure();
     result_.checked = checked();
-    result_.implausible =
-        implausibilities(fit_physics(from_.hypotheses->hypotheses(), context(), result_.after));
+    const FittedPhysics physics =
+        fit_physics(from_.hypotheses->hypotheses(), context(), result_.after);
+    add_speeds(physics, result_.checked);
+    result_.implausible = implausibilities(physics);
     result_.interrupted = from_.findings->stopped;
     if (!result_.effects.empty()) result_.trends = from_.final->trends();
     result_.reasons = reasons.of(result_);
@@ -178,6 +180,22 @@ class DiagnosisBuilder {
       entry.amplitude = score.amplitude;
       entry.amplitude_deviation = score.deviation;
       result_.ranking.push_back(std::move(entry));
+    }
+  }
+
+  // The speeds at which the laws found acted, as the fitted model has them.
+  static void add_speeds(const FittedPhysics& physics, CheckedRange& range) {
+    for (const PhysicalQuantity& quantity : physics.quantities) {
+      const bool is_force = quantity.unit == "N m" || quantity.unit == "N";
+      if (!is_force || quantity.law >= physics.laws.size()) continue;
+      const LawTrace& trace = physics.laws[quantity.law];
+      const std::string name = "velocity of " + trace.place.substr(0, trace.place.find('.'));
+      if (trace.rate.empty() ||
+          std::ranges::count(range.recorded, name, &CheckedRange::Span::quantity) > 0) {
+        continue;
+      }
+      const auto [slowest, fastest] = std::ranges::minmax(trace.rate);
+      range.recorded.push_back({name, quantity.unit == "N" ? "m/s" : "rad/s", slowest, fastest});
     }
   }
 
@@ -478,6 +496,10 @@ void tell_unconfirmed(const OtherLook& look, const FinalFit& taken, const Predic
     held_out->gain = 1.0 - std::pow(held_out->error_with / held_out->error_without, 2);
     held_out->misleads = held_out->gain < 0.0;
   }
+  const char* const verdict = !data.has_validation() ? "none were kept out to confirm it"
+                              : held_out && held_out->gain > 0.0
+                                  ? "it fits those kept out far worse"
+                                  : "those kept out do not confirm it";
   for (const PlacedFinding& law : with.fit.model.laws) {
     if (std::ranges::count(without.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis) > 0)
       continue;
@@ -485,9 +507,7 @@ void tell_unconfirmed(const OtherLook& look, const FinalFit& taken, const Predic
         {fitted_law(with.fit.model, law, &with),
          fmt::format("whole recordings of the fit ask for it (error from {:.3g} to {:.3g} %), and "
                      "{}",
-                     100.0 * before, 100.0 * left,
-                     data.has_validation() ? "those kept out do not confirm it"
-                                           : "none were kept out to confirm it"),
+                     100.0 * before, 100.0 * left, verdict),
          held_out});
   }
 }

@@ -226,6 +226,22 @@ void PredictionReasons::add_misleading(const Diagnosis& diagnosis,
                       "the fit"));
 }
 
+// Errors add up in a position that nothing holds, and a force that nobody foresees carries it away.
+// Where that is most of the motion, though, nothing is explained.
+void PredictionReasons::add_whole_held_out(const Diagnosis& diagnosis,
+                                           std::vector<VerdictReason>& list) const {
+  if (!diagnosis.validation_after) return;
+  const double error = diagnosis.validation_after->nrmse;
+  double limit = kWholeLimit;
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
+    limit = std::max(limit, limit_of_error(j, from_.final->found().held_out_scale(j)));
+  }
+  list.push_back(test(fmt::format("{} over a whole recording, % of the signal", kHeldOutTest),
+                      error, limit, error <= limit,
+                      "something pushes for long that no law found describes: look at when the "
+                      "error begins to grow"));
+}
+
 void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
   const std::optional<HeldOutGrowth> growth = from_.final->growth();
@@ -340,6 +356,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   list.push_back(std::move(found));
   add_misleading(diagnosis, list);
   add_held_out(list);
+  add_whole_held_out(diagnosis, list);
   add_growth(std::numeric_limits<double>::infinity(), list);
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);

@@ -139,7 +139,8 @@ class MassModel {
     if (std::min(forwards, backwards) > kBack * (forwards + backwards)) return;
     const Eigen::ArrayXd power = drive.array().tail(n - over) * rate;
     const auto braking = static_cast<double>((power < 0.0).count());
-    if (!(power.sum() < 0.0) || braking < kMostly * static_cast<double>(power.size())) return;
+    const auto acting = static_cast<double>((power != 0.0).count());  // the drive, on what moves
+    if (!(power.sum() < 0.0) || braking < kMostly * acting) return;
     proposal_.notes.push_back(fmt::format(
         "'{}' (drive) acts against the motion, which goes one way: either a load drives the axis, "
         "as a weight or another machine, or drive or encoder is reversed. This log can't tell "

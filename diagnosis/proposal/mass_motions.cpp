@@ -25,9 +25,12 @@ class MotionSearch {
     machine_.motion = machine_.motion_of_drive();
     const bool is_open = machine_.motion == MotionKind::kOpen;
     if (is_open) machine_.motion = MotionKind::kRotary;
-    const MotionContext context{time.sample_time, EvenSamples(machine_.log, time), machine_.motion,
+    const MotionContext context{time.sample_time,
+                                EvenSamples(machine_.log, time),
+                                machine_.motion,
                                 machine_.request.counts_per_turn,
-                                machine_.request.sample_time.has_value()};
+                                machine_.request.sample_time.has_value(),
+                                &time};
     if (machine_.has_two) {
       choose_two(context);
     } else {
@@ -155,12 +158,28 @@ class MotionSearch {
     if (count(motor) == 0 && count(load) == 0) split_by_data(open, motor, load);
     if (count(motor) == 0) {
       motor.insert(motor.end(), open.begin(), open.end());
+      if (count(motor) == 0) take_one_sensor(motor, load);
     } else if (count(load) == 0 && count(open) > 0) {
       load = open;
     }
     take_motion(choose_motion(motor, context), "motor");
     if (count(load) == 0) return;
     take_motion(choose_motion(load, context), "load");
+  }
+
+  // The only sensor, called an output or a load's, is taken for the motor's, as one without a side.
+  void take_one_sensor(Columns& motor, Columns& load) {
+    std::swap(motor, load);
+    load.clear();
+    for (const LogColumn* column : motor) {
+      if (column->moves() && !is_wanted(*column)) {
+        proposal_.notes.push_back(
+            fmt::format("'{}' is the only motion: it is taken for the motor's; where it is the "
+                        "load's, write its mass in model.yaml",
+                        column->name));
+        return;
+      }
+    }
   }
 
   static constexpr double kApart = 3.0;  // standard errors of two correlations

@@ -16,7 +16,10 @@ constexpr double kTurn = 2.0 * std::numbers::pi;
 constexpr double kRadiansOpen = 4.0 * std::numbers::pi;  // spans beyond may be degrees
 constexpr double kSpeedOpen = 300.0;                     // beyond it rpm are as likely as rad/s
 constexpr Eigen::Index kFewestCompared = 50;
-constexpr double kLate = 0.005;     // s; worth a note
+constexpr double kLate = 0.005;    // s; worth a note
+constexpr double kOfTime = 0.3;    // of the misfit, of a ratio of 1000
+constexpr double kNearTime = 1.2;  // a factor
+constexpr const char* kUserSaid = "you said so";
 constexpr double kOneRatio = 0.06;  // of the misfit: a gear has one ratio at every speed
 
 double span_of(const LogColumn& column) {
@@ -122,6 +125,7 @@ class RateComparison {
     note_factor();
     if (!units_.contradicts) return;
     const bool both_stated = !position_->words.unit.empty() && !velocity_->words.unit.empty();
+    if (both_stated && is_other_time()) return;
     if (both_stated && is_gear()) {
       const double ratio = fit_->factor * find_unit(position_->words.unit)->factor /
                            find_unit(velocity_->words.unit)->factor;
@@ -171,6 +175,35 @@ class RateComparison {
                          (speed == nullptr ? 1.0 : speed->factor);
     return fmt::format("with {:.4g} x {:g} s = {:.3g} ms for --sample-time both would agree; else ",
                        ratio, context_.step, 1e3 * ratio * context_.step);
+  }
+
+  // Times in ms under a title that says s: the rate is 1000 times the velocity. Asks about it.
+  [[nodiscard]] bool is_other_time() {
+    const LogTime* const time = context_.time;
+    if (time == nullptr || time->column.empty() || time->why == kUserSaid) return false;
+    const double rate = std::abs(fit_->factor) * find_unit(position_->words.unit)->factor /
+                        find_unit(velocity_->words.unit)->factor;
+    const Unit* const stated = find_unit(time->unit);
+    if (stated == nullptr || fit_->misfit > kOfTime) return false;
+    for (const char* unit : {"s", "ms", "us", "ns"}) {
+      const double ratio = rate * stated->factor / find_unit(unit)->factor;
+      if (unit == time->unit || std::max(ratio, 1.0 / ratio) > kNearTime) continue;
+      ask_time(*time, unit);
+      return true;
+    }
+    return false;
+  }
+
+  void ask_time(const LogTime& time, const std::string& unit) {
+    OpenQuestion question;
+    question.text = fmt::format(
+        "'{}' is taken as {}, and the rate of '{}' is then {:.4g} times '{}'. Is the time in {}?",
+        time.column, time.unit, position_->name, std::abs(fit_->factor), velocity_->name, unit);
+    question.option = fmt::format("--column '{}=time:{}'", time.column, unit);
+    for (const std::string& each : {unit, time.unit}) {
+      question.choices.push_back({each, {fmt::format("{}=time:{}", time.column, each)}});
+    }
+    questions_.push_back(question);
   }
 
   // Nearly the rate, but for what a speed of few counts a sample is wrong by.

@@ -8,6 +8,7 @@
 
 #include "diagnosis/log_columns/column_rates.hpp"
 #include "diagnosis/log_columns/even_samples.hpp"
+#include "diagnosis/log_columns/log_time.hpp"
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 
@@ -37,7 +38,8 @@ struct MotionContext {
   EvenSamples even = {};  // of uneven times
   MotionKind motion = MotionKind::kOpen;
   std::optional<double> counts_per_turn;
-  bool step_is_stated = false;  // by the user, beside no column of times
+  bool step_is_stated = false;    // by the user, beside no column of times
+  const LogTime* time = nullptr;  // its column and unit
 };
 
 // The question which unit a column has whose title states an odd one.

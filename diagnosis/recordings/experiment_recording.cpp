@@ -319,8 +319,12 @@ DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
   for (std::size_t k = 0; k < campaign.channels.size(); ++k) {
     const Channel& channel = campaign.channels[k];
     const auto values = piece.values.col(static_cast<Index>(k));
+    const std::size_t known = recording.findings.size();
     check_signal(fmt::format("{}: {}", experiment.name, channel.name), values, channel.range,
                  piece.first_sample, recording.findings);
+    for (std::size_t f = known; f < recording.findings.size(); ++f) {
+      recording.findings[f].channel = channel.name;
+    }
     samples.push_back({.file = experiment.files.at(channel.file).filename().string(),
                        .channel = &channel,
                        .values = values,

@@ -17,6 +17,7 @@ constexpr double kWildSteps = 10.0;
 constexpr double kLargestValue = 1e50;
 constexpr Index kFlatRun = 4;
 constexpr std::size_t kFlatRuns = 2;
+constexpr Index kLongRun = 10;  // one is enough where samples hardly ever repeat
 
 struct StepSizes {
   double rms = 0.0;
@@ -46,26 +47,45 @@ bool is_stopping(const Eigen::Ref<const Eigen::VectorXd>& values, double limit, 
   return last > 0.0 && last + (last - before) < kSlower * last;
 }
 
-// Adds the samples in flat runs at this value.
-void add_clipped_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
-                    const StepSizes& sizes, std::vector<Index>& places) {
-  const double abrupt = std::max(0.1 * sizes.rms, 2.0 * sizes.smallest);
+// The flat runs at one value.
+struct FlatTops {
   std::vector<Index> samples;
   std::size_t runs = 0;
+  Index longest = 0;
   bool entered_abruptly = false;
+};
+
+FlatTops flat_tops_at(const Eigen::Ref<const Eigen::VectorXd>& values, double limit,
+                      const StepSizes& sizes) {
+  const double abrupt = std::max(0.1 * sizes.rms, 2.0 * sizes.smallest);
+  FlatTops tops;
   for (Index k = 0; k < values.size();) {
     Index end = k;
     while (end < values.size() && values(end) == limit) ++end;
     if (end - k >= kFlatRun) {
-      ++runs;
-      for (Index at = k; at < end; ++at) samples.push_back(at);
-      entered_abruptly = entered_abruptly || (k > 0 && std::abs(limit - values(k - 1)) > abrupt &&
-                                              !is_stopping(values, limit, k));
+      ++tops.runs;
+      tops.longest = std::max(tops.longest, end - k);
+      for (Index at = k; at < end; ++at) tops.samples.push_back(at);
+      const bool is_abrupt = k > 0 && std::abs(limit - values(k - 1)) > abrupt;
+      tops.entered_abruptly |= is_abrupt && !is_stopping(values, limit, k);
     }
     k = end + 1;
   }
-  if (runs < kFlatRuns || !entered_abruptly) return;
-  places.insert(places.end(), samples.begin(), samples.end());
+  return tops;
+}
+
+// Whether two samples on end hardly ever have one value, but at the limits: noise or motion tells
+// them apart. Then one long run is no chance.
+bool hardly_repeats(const Eigen::Ref<const Eigen::VectorXd>& values, double lowest,
+                    double highest) {
+  constexpr double kHardly = 0.1;
+  Index pairs = 0, equal = 0;
+  for (Index k = 1; k < values.size(); ++k) {
+    if (values(k) == lowest || values(k) == highest) continue;
+    ++pairs;
+    if (values(k) == values(k - 1)) ++equal;
+  }
+  return pairs > 0 && static_cast<double>(equal) < kHardly * static_cast<double>(pairs);
 }
 
 }  // namespace
@@ -92,8 +112,20 @@ std::vector<Index> clipped_places(const Eigen::Ref<const Eigen::VectorXd>& value
   std::vector<Index> places;
   if (values.size() < 2 || has_few_levels(values)) return places;
   const StepSizes sizes = step_sizes(values);
-  add_clipped_at(values, values.maxCoeff(), sizes, places);
-  add_clipped_at(values, values.minCoeff(), sizes, places);
+  const double lowest = values.minCoeff(), highest = values.maxCoeff();
+  const FlatTops low = flat_tops_at(values, lowest, sizes),
+                 high = flat_tops_at(values, highest, sizes);
+  const bool is_rare = hardly_repeats(values, lowest, highest);
+  // The same limit both ways is one limit.
+  const std::size_t of_both = lowest == -highest && is_rare ? low.runs + high.runs : 0;
+  const auto add = [&](const FlatTops& tops, double limit) {
+    const bool is_long = is_rare && tops.longest >= kLongRun && limit != 0.0;  // 0: at rest
+    const bool is_enough = std::max(tops.runs, of_both) >= kFlatRuns || is_long;
+    if (!is_enough || !tops.entered_abruptly) return;
+    places.insert(places.end(), tops.samples.begin(), tops.samples.end());
+  };
+  add(high, highest);
+  add(low, lowest);
   return places;
 }
 

@@ -136,6 +136,17 @@ void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diag
   }
 }
 
+void tell_clipped_inputs(std::span<const std::string> inputs, Diagnosis& diagnosis) {
+  if (diagnosis.effects.empty()) return;
+  for (const std::string& input : inputs) {
+    diagnosis.assumptions.push_back(fmt::format(
+        "The recorded {} has flat tops. Where the drive itself ends there, state its range (range: "
+        "in campaign.yaml). Where only its sensor or channel does, more acts than was recorded, "
+        "and what was found may stand in for that.",
+        input));
+  }
+}
+
 void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
   constexpr std::size_t kFew = 2;
   std::map<std::pair<std::string, std::string>, std::vector<std::string>> columns;

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <span>
+#include <string>
 
 #include "diagnosis/evidence/diagnosis.hpp"
 #include "diagnosis/hypotheses/mismatch_problem.hpp"
@@ -26,6 +27,9 @@ void require_confirmed_laws(Diagnosis& diagnosis);
 // Says of each constant force on what turned or moved one way that it may be dry friction. Of what
 // went one way at about one speed it says that a law of the position may be a change with time.
 void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diagnosis);
+
+// Says of inputs with flat tops, where laws were found, what these laws may stand in for.
+void tell_clipped_inputs(std::span<const std::string> inputs, Diagnosis& diagnosis);
 
 // Names drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known:
 // a sentence for those in one unit, by the columns that the user knows.

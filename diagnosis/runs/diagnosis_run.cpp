@@ -58,9 +58,10 @@ void advise(const DiagnosisRequest& request, const Campaign& campaign, Diagnosis
 }
 
 // Of the recordings, and of the problem that was made of them. Files are added to `origin`.
-std::vector<std::string> all_warnings(const MethodAnswer& found, const Campaign& campaign,
+std::vector<std::string> all_warnings(MethodAnswer& found, const Campaign& campaign,
                                       PageOrigin& origin) {
   ExaminedRecordings examined = examine_recordings(campaign);
+  tell_clipped_inputs(examined.clipped, found.answer.diagnosis);
   std::ranges::move(examined.files, std::back_inserter(origin.files));
   std::vector<std::string> warnings = std::move(examined.warnings);
   if (found.method.is_lumped) {

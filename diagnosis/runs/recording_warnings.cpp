@@ -21,6 +21,19 @@ void keep_first(const Campaign& campaign, std::vector<std::string>& warnings) {
       fmt::format("{} more; 'graybox recordings {}' lists all", more, campaign.file.string()));
 }
 
+void note_clipped(const Campaign& campaign, const std::vector<Finding>& findings,
+                  std::vector<std::string>& clipped) {
+  for (const Channel& channel : campaign.channels) {
+    if (channel.role != ChannelRole::kInput || channel.range) continue;
+    const bool is_clipped = std::ranges::any_of(findings, [&](const Finding& finding) {
+      return finding.check == "clipped" && finding.channel == channel.name;
+    });
+    if (is_clipped && std::ranges::count(clipped, channel.name) == 0) {
+      clipped.push_back(channel.name);
+    }
+  }
+}
+
 }  // namespace
 
 ExaminedRecordings examine_recordings(const Campaign& campaign) {
@@ -39,6 +52,7 @@ ExaminedRecordings examine_recordings(const Campaign& campaign) {
     ExperimentRecording recording = load_experiment(campaign, i);
     copies.examine(experiment, recording);
     examined.files.back().samples = recording.samples;
+    note_clipped(campaign, recording.findings, examined.clipped);
     for (const Finding& finding : recording.findings) {  // of two parts of a file said once
       if (std::ranges::find(warnings, finding.message) != warnings.end()) continue;
       warnings.push_back(finding.message);

@@ -219,9 +219,12 @@ std::optional<LeftOut> special_case_that_does(SearchState& state, std::size_t la
   const std::string& name = state.hypothesis(plainer.laws.back().hypothesis).law;
   RejectedLaw rejected{
       richer,
-      fmt::format("with {} in its place the squared error of recordings kept out is less than "
-                  "{:.0f} % larger",
-                  name, 100.0 * kLeastGain),
+      effect->gain > 0.0
+          ? fmt::format("with {} in its place the squared error of recordings kept out is less "
+                        "than {:.0f} % larger",
+                        name, 100.0 * kLeastGain)
+          : fmt::format("with {} in its place recordings kept out are predicted as well or better",
+                        name),
       effect};
   return LeftOut{std::move(rejected), std::move(plainer)};
 }

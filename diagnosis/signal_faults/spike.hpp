@@ -1,9 +1,12 @@
 // Spikes: one or two samples that stand away from their neighbours.
 //
-// Rule: |x - median of five| above the largest of
+// Rule 1: |x - median of five| above the larger of
 //   12 robust standard deviations of that distance (1.4826 times its median),
-//   8 times the step that 99.9 % of all steps of the running median keep below,
-// and where noise and steps are too small to tell, above 1e-6 of the largest value.
+//   8 times the step that 99.9 % of all steps of the running median keep below.
+// Rule 2, for a single sample in a fast but smooth signal, as a sine whose steps are large:
+//   |x - cubic through two samples on each side of it| above 16 times what 99 % of all samples do,
+//   and six times what its neighbours leave of their cubics once it is put on its own.
+// Where noise and steps are too small to tell, above 1e-6 of the largest value.
 // The running median has no spikes, so that many of them don't hide each other.
 // Measured on the recordings named in docs/how_to/recordings.md; the rates are in its table.
 // No answer for signals of at most 16 levels (they switch) and below 100 samples. Cost: O(n).

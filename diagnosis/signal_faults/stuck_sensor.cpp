@@ -25,6 +25,21 @@ StuckRun run_of(const Eigen::VectorXd& steps, Index first, Index end, double jum
   return {first, end - 1, before > 1.0 ? before : 0.0, false};
 }
 
+// Whether a signal trembles: two samples on end are hardly ever equal, but in the run, and steps
+// turn round as those of noise do.
+bool trembles(const Eigen::VectorXd& steps, Index first, Index end) {
+  constexpr double kHardly = 0.02, kOften = 0.3;
+  Index count = 0, equal = 0, turns = 0;
+  for (Index k = 1; k < steps.size(); ++k) {
+    if (k >= first && k <= end) continue;
+    ++count;
+    if (steps(k) == 0.0) ++equal;
+    if (steps(k) * steps(k - 1) < 0.0) ++turns;
+  }
+  const auto all = static_cast<double>(count);
+  return static_cast<double>(equal)<kHardly * all&& static_cast<double>(turns)> kOften * all;
+}
+
 }  // namespace
 
 std::optional<StuckRun> find_stuck_run(const Eigen::Ref<const Eigen::VectorXd>& values,
@@ -43,7 +58,11 @@ std::optional<StuckRun> find_stuck_run(const Eigen::Ref<const Eigen::VectorXd>& 
     if (!inside || count < std::max(shortest, kShortest)) continue;
     if (values(first) == lowest || values(first) == highest) continue;
     if (longest && count <= longest->last - longest->first + 1) continue;
-    const StuckRun run = run_of(steps, first, end, jump, motion);
+    StuckRun run = run_of(steps, first, end, jump, motion);
+    // Zero is rest.
+    if (!(run.strength > 0.0) && values(first) != 0.0 && trembles(steps, first, end)) {
+      run.strength = static_cast<double>(count) / static_cast<double>(kShortest);
+    }
     if (run.strength > 0.0) longest = run;
   }
   return longest;

@@ -87,16 +87,29 @@ double force_at(const Place& place, std::span<const Hypothesis> hypotheses, doub
   return sum;
 }
 
-// "velocity of elbow" for the place "elbow.arm".
-const CheckedRange::Span* span_of(const Diagnosis& diagnosis, const std::string& place,
-                                  std::string_view first, std::string_view other) {
-  const std::string axis = place.substr(0, place.find('.'));
-  const auto found =
-      std::ranges::find_if(diagnosis.checked.spans, [&](const CheckedRange::Span& span) {
-        return span.quantity == fmt::format("{} of {}", first, axis) ||
-               span.quantity == fmt::format("{} of {}", other, axis);
-      });
-  return found == diagnosis.checked.spans.end() ? nullptr : &*found;
+// "velocity of elbow" for the place "elbow.arm", of what was checked, else of what was recorded.
+const CheckedRange::Span* velocity_at(const Diagnosis& diagnosis, const Place& place) {
+  const std::string name = "velocity of " + place.name.substr(0, place.name.find('.'));
+  for (const auto* spans : {&diagnosis.checked.spans, &diagnosis.checked.recorded}) {
+    const auto found = std::ranges::find(*spans, name, &CheckedRange::Span::quantity);
+    if (found != spans->end()) return &*found;
+  }
+  return nullptr;
+}
+
+// Of the force recorded there, else of a friction's level: N m or N, or a drive's own unit.
+std::string force_unit(const Diagnosis& diagnosis, const Place& place) {
+  const std::string axis = place.name.substr(0, place.name.find('.'));
+  for (const CheckedRange::Span& span : diagnosis.checked.spans) {
+    if (span.quantity == "torque of " + axis || span.quantity == "force of " + axis)
+      return span.unit;
+  }
+  for (const FittedLaw* law : place.laws) {
+    for (const LawParameterEstimate& each : law->parameters) {
+      if (each.name.find("level") != std::string::npos) return each.unit;
+    }
+  }
+  return "";
 }
 
 // Two digits, "1200" and not "1.2e+03".
@@ -128,9 +141,9 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
                                         std::span<const Hypothesis> hypotheses) {
   std::vector<std::string> lines;
   for (const Place& place : places_with_friction(diagnosis, hypotheses)) {
-    const auto* velocity = span_of(diagnosis, place.name, "velocity", "velocity");
-    const auto* force = span_of(diagnosis, place.name, "torque", "force");
-    if (!place.is_dry || place.has_memory || velocity == nullptr || force == nullptr) continue;
+    const auto* velocity = velocity_at(diagnosis, place);
+    const std::string unit = force_unit(diagnosis, place);
+    if (!place.is_dry || place.has_memory || velocity == nullptr || unit.empty()) continue;
     const double highest = std::max(std::abs(velocity->from), std::abs(velocity->to));
     const double lowest = slowest(*velocity);
     std::string curve;
@@ -139,11 +152,11 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
       if (share < 1.0 && speed > kNext * highest) continue;      // as good as the highest
       if (!curve.empty() && share * highest < lowest) continue;  // said
       const bool is_first = curve.empty();
-      curve += fmt::format(
-          "{}{} at {}{}", is_first ? "" : ", ",
-          force_words(force_at(place, hypotheses, speed), -force_at(place, hypotheses, -speed),
-                      is_first ? " " + force->unit : ""),
-          two_digits(speed), is_first ? " " + velocity->unit : "");
+      curve +=
+          fmt::format("{}{} at {}{}", is_first ? "" : ", ",
+                      force_words(force_at(place, hypotheses, speed),
+                                  -force_at(place, hypotheses, -speed), is_first ? " " + unit : ""),
+                      two_digits(speed), is_first ? " " + velocity->unit : "");
     }
     lines.push_back(fmt::format("Friction of {}: {}.", place_words(place.name), curve));
   }

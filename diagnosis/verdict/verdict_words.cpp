@@ -73,6 +73,10 @@ std::string loose_mass(const Diagnosis& diagnosis) {
   return flaw == diagnosis.implausible.end() ? "" : flaw->quantity;
 }
 
+bool has_told_trend(const Diagnosis& diagnosis) {
+  return !told_trends(diagnosis.trends, diagnosis.effects).empty();
+}
+
 // The headline where what was found fits and yet is not all: what the tests that failed say.
 std::string ambiguity_words(const Diagnosis& diagnosis) {
   if (!diagnosis.predicts) {
@@ -91,9 +95,17 @@ std::string ambiguity_words(const Diagnosis& diagnosis) {
            "test "
            "that.";
   }
-  return has_rivals ? "Physics is missing; the recordings can't tell all explanations apart."
-                    : "Physics is missing, and what was found explains it; the recordings do not "
-                      "determine every parameter.";
+  if (has_rivals) return "Physics is missing; the recordings can't tell all explanations apart.";
+  if (fails(diagnosis, kSizesTest)) {
+    return "Physics is missing, and what was found explains it; its sizes are not the same in the "
+           "recordings kept out.";
+  }
+  if (has_told_trend(diagnosis)) {
+    return "Physics is missing; what was found explains it on the average, and changes with what "
+           "the machine does.";
+  }
+  return "Physics is missing, and what was found explains it; the recordings do not determine "
+         "every parameter.";
 }
 
 }  // namespace
@@ -236,8 +248,11 @@ bool has_no_size(const FittedLaw& law) {
   constexpr double kToldApart = 2.0;  // standard errors
   bool any = false;
   for (const LawParameterEstimate& estimate : law.parameters) {
-    if (!sets_size(estimate) || !(estimate.standard_error > 0.0)) continue;
-    if (std::abs(estimate.value) > kToldApart * estimate.standard_error) return false;
+    // Sizes that the motion tells together have an error beside the others only.
+    const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
+                                                                   : estimate.standard_error;
+    if (!sets_size(estimate) || !(error > 0.0)) continue;
+    if (std::abs(estimate.value) > kToldApart * error) return false;
     any = true;
   }
   return any;

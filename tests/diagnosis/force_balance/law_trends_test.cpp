@@ -155,7 +155,7 @@ TEST(LawTrends, BeyondZeroALineSaysNoMoreThanNone) {
   const LawTrend trend{0, 0, LawTrend::On::kSpeed, -0.1, 0.7, -7.0, "coulomb at axis"};
   const std::array effects{effect};
   EXPECT_EQ(trend_words(trend, effects),
-            "level of coulomb at axis: about none N in fast motion, 0.7 in slow motion");
+            "level of coulomb at axis: none in fast motion, about 0.7 N in slow motion");
 }
 
 // A run-down has one way, and says nothing of the other.

@@ -220,6 +220,23 @@ TEST(KeptOutBlocks, OneStrokeThereAndBackIsShared) {
   EXPECT_EQ(kept_out_blocks(force, position, false).count, 2);
 }
 
+// A stroke and a half: each half goes mostly one way. Short logs can't be cut in more parts.
+TEST(KeptOutBlocks, AStrokeAndAHalfIsSharedOrNotSplit) {
+  for (const Index count : {280, 4000}) {
+    VectorXd position(count), force(count);
+    for (Index k = 0; k < count; ++k) {
+      const double turn =
+          0.85 * 2.0 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(count);
+      position(k) = std::sin(turn);
+      force(k) = std::cos(turn) + 0.3 * std::sin(11.0 * turn);
+    }
+    const KeptOutBlocks split = kept_out_blocks(force, position, false);
+    EXPECT_EQ(split.reason, "the axis turns round only once or twice");
+    EXPECT_EQ(split.is_fair, count > 1000);
+    EXPECT_EQ(split.count > 2, count > 1000);
+  }
+}
+
 // Steady motion tells no mass: both parts need starts.
 TEST(KeptOutBlocks, StartsAreShared) {
   const auto speed_of = [](const VectorXd& force) {

@@ -410,6 +410,20 @@ TEST(FlatTops, TurningPointsAreNoClipping) {
   EXPECT_GT(clipped_samples(profile(10.0)), 0U);
 }
 
+// Noise tells two samples apart: one long flat top is no chance. A drive at rest is at zero.
+TEST(FlatTops, OneIsEnoughInNoise) {
+  std::mt19937_64 random(4);
+  std::normal_distribution<double> noise(0.0, 0.02);
+  VectorXd values(300);
+  for (Index k = 0; k < values.size(); ++k) {
+    values(k) = 2.0 * std::sin(0.02 * static_cast<double>(k)) + noise(random);
+  }
+  EXPECT_EQ(clipped_samples(values), 0U);
+  EXPECT_GT(clipped_samples(values.cwiseMin(1.5)), 30U);
+  EXPECT_GT(clipped_samples(values.cwiseMin(1.5).cwiseMax(-1.5)), 70U);
+  EXPECT_EQ(clipped_samples(values.cwiseMax(0.0)), 0U);
+}
+
 TEST_F(LogDoors, ACoarseSpeedIsNoGear) {
   const DoorAxis m = door_axis(1000, 0.01);
   VectorXd coarse = m.velocity, geared = 3.7 * m.velocity;
@@ -473,6 +487,76 @@ TEST_F(LogDoors, AStatedSampleTimeIsDoubtedFirst) {
   EXPECT_TRUE(says(wrong, "x 0.0125 s = 10 ms for --sample-time")) << all_of(wrong);
   request.sample_time = 0.01;
   EXPECT_FALSE(says(proposed(table, {}, request), "for --sample-time"));
+}
+
+// Milliseconds under a title that says seconds make the rate a thousandth of the velocity.
+TEST_F(LogDoors, AnotherUnitOfTimeIsAsked) {
+  const DoorAxis m = door_axis(1500, 0.01);
+  const auto table = [&](double unit) {
+    return table_of({{"time [s]", unit * m.time},
+                     {"position [rad]", m.position},
+                     {"velocity [rad/s]", m.velocity},
+                     {"torque [N m]", m.force}});
+  };
+  EXPECT_TRUE(proposed(table(1.0)).questions.empty());
+  const ModelProposal wrong = proposed(table(1000.0));
+  EXPECT_NE(questions_of(wrong).find("Is the time in ms?"), std::string::npos) << all_of(wrong);
+  const ModelProposal answered = proposed(table(1000.0), {"time=time:ms"});
+  EXPECT_TRUE(answered.questions.empty()) << all_of(answered);
+  EXPECT_TRUE(says(proposed(table(1000.0), {"time=time:s"}), "as behind a gear"));
+}
+
+// A position in coarse steps has a rate of mere noise, and yet its velocity is its rate.
+TEST_F(LogDoors, ANoisyPositionDoesNotDoubtItsSpeed) {
+  DoorAxis m = door_axis(400, 0.001);
+  std::mt19937_64 random(2);
+  std::normal_distribution<double> noise(0.0, 4e-4);
+  for (double& place : m.position) place += noise(random);
+  const ModelProposal proposal = proposed(table_of({{"time [s]", m.time},
+                                                    {"position [rad]", m.position},
+                                                    {"velocity [rad/s]", m.velocity},
+                                                    {"torque [N m]", m.force}}));
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+}
+
+// What speeds up with its drive is not driven backwards, however poorly its mass is told.
+TEST_F(LogDoors, ADriveThatPushesIsNotCalledReversed) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  VectorXd time(60), voltage(60), speed(60);
+  for (Index k = 0; k < 60; ++k) {
+    time(k) = 0.1 * static_cast<double>(k);
+    voltage(k) = 11.5 * (1.0 - std::exp(-time(k) / 1.5));
+    // The speed comes a sample before the voltage that was read.
+    speed(k) = 5.0 * 11.5 * (1.0 - std::exp(-(time(k) + 0.1) / 1.5)) + noise(random);
+  }
+  const ModelProposal proposal = proposed(
+      table_of({{"time [s]", time}, {"voltage [V]", voltage}, {"velocity [rad/s]", speed}}));
+  EXPECT_FALSE(says(proposal, "are the signs right?")) << all_of(proposal);
+}
+
+// Whatever stands before it starts.
+TEST_F(LogDoors, ADriveAgainstItsMotionIsTold) {
+  VectorXd time(300), voltage(300), speed(300);
+  for (Index k = 0; k < 300; ++k) {
+    time(k) = 0.02 * static_cast<double>(k);
+    voltage(k) = k < 150 ? 0.0 : -9.0;
+    speed(k) = k < 150 ? 0.0 : 11.3 * (1.0 - std::exp(-(time(k) - 3.0) / 0.05));
+  }
+  const ModelProposal proposal = proposed(
+      table_of({{"time [s]", time}, {"voltage [V]", voltage}, {"velocity [rad/s]", speed}}));
+  EXPECT_TRUE(says(proposal, "acts against the motion, which goes one way")) << all_of(proposal);
+}
+
+// A title that says "output" names no load where nothing else moves.
+TEST_F(LogDoors, TheOnlySensorOfTwoMassesIsTheMotors) {
+  const DoorAxis m = door_axis(1000, 0.01);
+  ProposalRequest request;
+  request.machine = ProposedMachine::kTwoMasses;
+  const ModelProposal proposal =
+      proposed(table_of({{"time [s]", m.time}, {"input", m.force}, {"output", m.velocity}}),
+               {"output=velocity:rad/s", "input=torque:N m"}, request);
+  EXPECT_TRUE(says(proposal, "'output' is the only motion")) << all_of(proposal);
 }
 
 // A letter's guess that jumps as a switch does is no position.

@@ -37,6 +37,18 @@ TEST_F(FrictionWords, AddTheLawsOfAPlace) {
   EXPECT_EQ(lines(), expected);
 }
 
+// A diagnosis by prediction error checks positions, and knows how fast its model moved.
+TEST_F(FrictionWords, TakeTheSpeedsOfTheModel) {
+  find("coulomb", {{"level", "N m", 5.0, 0.1}, of("transition_velocity", 1e-4)});
+  find("viscous", {of("damping", 2.0)});
+  diagnosis_.checked.spans = {{"angle", "rad", -3.0, 3.0}};
+  EXPECT_TRUE(lines().empty());
+  diagnosis_.checked.recorded = {{"velocity of elbow", "rad/s", -2.0, 1.5}};
+  const std::vector<std::string> expected{
+      "Friction of the arm axis of elbow: 5 N m at 0.02 rad/s, 5.4 at 0.2, 9 at 2."};
+  EXPECT_EQ(lines(), expected);
+}
+
 TEST_F(FrictionWords, HaveNoPowersOfTen) {
   find("coulomb", {of("level", 1234.0), of("transition_velocity", 1e-4)});
   const std::vector<std::string> expected{

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <tuple>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/report/axis_scale.hpp"
 #include "diagnosis/report/svg_chart.hpp"
 #include "diagnosis/runs/answer_advice.hpp"
@@ -222,6 +223,33 @@ TEST(VerdictWords, FindNoLawOfWhichNoSizeIsTold) {
   };
   EXPECT_NE(words_with(185.0).find("Not confirmed: "), std::string::npos);
   EXPECT_NE(words_with(2.0).find("Found: "), std::string::npos);
+  // Alone it has no error; beside the others it has.
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  diagnosis.effects[0].law.parameters = {{"stiffness", "N/m", 1.6, kNone}};
+  diagnosis.effects[0].law.parameters[0].conditional_error = 2.0;
+  EXPECT_TRUE(is_doubtful(diagnosis.effects[0], diagnosis));
+  diagnosis.effects[0].law.parameters[0].conditional_error = 0.2;
+  EXPECT_FALSE(is_doubtful(diagnosis.effects[0], diagnosis));
+}
+
+// What failed stands in the first line.
+TEST(VerdictWords, SayWhyAnExplanationIsAmbiguous) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kAmbiguous;
+  diagnosis.predicts = true;
+  for (FoundEffect& effect : diagnosis.effects) effect.rivals.clear();
+  diagnosis.reasons = {{.test = kSizesTest,
+                        .value = 1.0,
+                        .limit = 0.0,
+                        .is_lower_limit = false,
+                        .passed = false,
+                        .not_tested = {},
+                        .otherwise = Verdict::kAmbiguous,
+                        .next = {}}};
+  EXPECT_NE(headline(diagnosis).find("its sizes are not the same"), std::string::npos)
+      << headline(diagnosis);
+  diagnosis.reasons[0].test = "masses and springs that are not determined";
+  EXPECT_NE(headline(diagnosis).find("do not determine every parameter"), std::string::npos);
 }
 
 // One way both are one; both ways, or beside dry friction, they are not.
@@ -258,6 +286,20 @@ TEST(AnswerAdvice, SaysThatALawOfTheWayMayBeAChangeWithTime) {
   EXPECT_EQ(said(0.2, 2.0, 0), 0U);
   EXPECT_EQ(said(-2.0, 2.0, 0), 0U);
   EXPECT_EQ(said(1.0, 1.1, 1), 0U);
+}
+
+// A recorded force that ends in flat tops may be larger; of what is explained without laws nothing
+// is said.
+TEST(AnswerAdvice, DoubtsLawsOfAClippedDrive) {
+  Diagnosis diagnosis = explained();
+  const std::vector<std::string> inputs{"torque"};
+  tell_clipped_inputs(inputs, diagnosis);
+  ASSERT_EQ(diagnosis.assumptions.size(), 1U);
+  EXPECT_NE(diagnosis.assumptions[0].find("The recorded torque has flat tops"), std::string::npos);
+  diagnosis.effects.clear();
+  diagnosis.assumptions.clear();
+  tell_clipped_inputs(inputs, diagnosis);
+  EXPECT_TRUE(diagnosis.assumptions.empty());
 }
 
 // A law that is told and not confirmed explains nothing; one beside it that is confirmed does.
