@@ -36,6 +36,7 @@ namespace graybox {
 // How the texts of these tests begin.
 inline constexpr const char* kSizesTest = "sizes that recordings kept out ask to be others";
 inline constexpr const char* kLateTest = "being late";
+inline constexpr const char* kForceTest = "force left at";  // and the place: % of those that act
 inline constexpr const char* kKeptOutTest = "recordings that were kept out of the fit";
 
 // Where the noise is not known, what was found is not sure before recordings that were kept out of

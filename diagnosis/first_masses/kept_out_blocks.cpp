@@ -239,7 +239,8 @@ double fairly_told(const Added& added, Index blocks) {
 // Numbers of blocks, rising, of which both roles have their share of all.
 std::vector<SplitTrial> fair_splits(const Added& added) {
   std::vector<SplitTrial> trials;
-  const Index fewest = turns_seldom(added) ? kFewestOfStroke : kFewestOfBlock;
+  const bool is_stroke = turns_seldom(added) && !turns_between_halves(added);
+  const Index fewest = is_stroke ? kFewestOfStroke : kFewestOfBlock;
   for (Index blocks = 4; blocks <= kMostBlocks; blocks += 2) {
     if (added.drive.size() / blocks < fewest) break;
     const double told = fairly_told(added, blocks);

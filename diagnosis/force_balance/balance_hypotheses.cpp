@@ -67,6 +67,12 @@ std::optional<double> wave_of(const PlacedLaw& law) {
   return {};
 }
 
+// A ripple that comes back about once in a turn of the axis: a weight does so, too, and exactly.
+bool is_weight(const PlacedLaw& law) {
+  const std::optional<double> wave = wave_of(law);
+  return wave && law.place->turns && law.place->may_lift && is_about_a_turn(*wave);
+}
+
 }  // namespace
 
 BalanceHypotheses::BalanceHypotheses(const ForceBalanceData& data) : data_(data) {
@@ -103,6 +109,7 @@ std::string BalanceHypotheses::trouble_with(const PlacedLaw& law) const {
   if (!slides(law)) return "a friction never slides: it is a damper here";
   if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";
   if (!is_shown(law)) return "a ripple is shorter than the samples show";
+  if (is_weight(law)) return "a ripple of about a turn is a weight";
   if (!has_lever(law)) {
     return "a balancer's lever or anchor is next to nothing: its torque is a weight's";
   }

@@ -461,4 +461,9 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
   return {};
 }
 
+bool is_about_a_turn(double period) {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  return period > 0.75 * kTurn && period < kTurn / 0.75;
+}
+
 }  // namespace graybox

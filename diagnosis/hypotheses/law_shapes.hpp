@@ -85,4 +85,8 @@ struct LawShape {
 [[nodiscard]] std::vector<std::string> special_cases_of(const LawEntry& entry,
                                                         bool dry_friction_may_creep);
 
+// Whether a ripple along an angle comes back about once in a turn: within three quarters and four
+// thirds of one. A weight does so exactly, and a part of a turn tells no other period from that.
+[[nodiscard]] bool is_about_a_turn(double period);
+
 }  // namespace graybox

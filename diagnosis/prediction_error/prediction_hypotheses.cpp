@@ -495,6 +495,7 @@ void PredictionHypotheses::extend_ripples(const LawExtension& plain,
   if (count_of(present, plain.hypothesis) >= kMost) return;
   for (const RippleTrial& trial : ripples) {
     if (trial.coordinate != mass_of(plain.location)) continue;
+    if (rotates_ && is_about_a_turn(trial.period)) continue;  // a weight
     list.push_back(
         amplitude(plain, {0.0, trial.period, trial.phase}, 0, data_->force_scale(), false));
   }

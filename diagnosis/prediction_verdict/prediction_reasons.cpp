@@ -19,7 +19,6 @@ using Eigen::VectorXd;
 
 constexpr const char* kAbsurdTest = "parameters and laws that no machine has";
 constexpr const char* kLawsTest = "laws found";
-constexpr const char* kForceTest = "force left at";
 constexpr const char* kFittedTest = "error on the recordings of the fit";
 constexpr const char* kHeldOutTest = "error kept out";
 constexpr double kHeldOutLimit = 15.0;                     // % of the signal

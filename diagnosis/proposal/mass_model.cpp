@@ -4,12 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <vector>
 
 #include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signals/drive_work.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {
@@ -148,6 +151,42 @@ class MassModel {
         machine_.drive->name));
   }
 
+  // What no axis does is a wrong unit.
+  void doubt_speed() {
+    constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
+    constexpr double kMost = 0.99;                               // of the samples: no spikes
+    const Eigen::VectorXd place = motion(0);
+    const Eigen::Index n = place.size();
+    if (n < 2 || !(time_.sample_time > 0.0)) return;
+    Eigen::ArrayXd rate = place.array().tail(n - 1);
+    if (!machine_.motions[0].is_velocity)
+      rate = (rate - place.array().head(n - 1)) / time_.sample_time;
+    std::vector<double> sizes;
+    for (const double each : rate) sizes.push_back(std::abs(each));
+    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(kMost * static_cast<double>(n - 2));
+    std::ranges::nth_element(sizes, at);
+    const bool is_linear = machine_.is_linear();
+    if (!(*at > (is_linear ? kFastest : kFastestTurning))) return;
+    proposal_.notes.push_back(fmt::format(
+        "'{}' moves at {:.3g} {}, which few axes do: are its unit ({}) and that of the time right? "
+        "--column '{}={}:UNIT' says another",
+        machine_.motions[0].column->name, *at, is_linear ? "m/s" : "rad/s",
+        machine_.motions[0].unit, machine_.motions[0].column->name,
+        machine_.motions[0].is_velocity ? "velocity" : "position"));
+  }
+
+  // Of a drive in N m or N alone: others make masses of any size.
+  void doubt_mass(const OneMassStart& start) {
+    constexpr double kLargest = 1e4;  // kg m^2, kg
+    const Unit* const unit = find_unit(machine_.drive->words.unit);
+    const bool is_force = unit != nullptr && unit->base == (machine_.is_linear() ? "N" : "N m");
+    if (start.told != OneMassTold::kInertia || !is_force || start.inertia < kLargest) return;
+    proposal_.notes.push_back(fmt::format(
+        "a mass of {:.3g} {} would move here: are the units of the drive, the motion and the time "
+        "right?",
+        start.inertia, inertia_unit()));
+  }
+
   // The weight of a drive that never pushes back: a law of the model, since nothing else turns it.
   std::string weight(const OneMassStart& start) {
     const bool is_needed = start.told == OneMassTold::kInertia &&
@@ -179,6 +218,8 @@ class MassModel {
       } else if (is_unexplained) {
         note_braking();
       }
+      doubt_speed();
+      if (!machine_.has_goal() && machine_.drive != nullptr) doubt_mass(start);
       switch (start.told) {
         case OneMassTold::kInertia:
           why = "a start: least squares of the motion on the drive and friction";

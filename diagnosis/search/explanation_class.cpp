@@ -137,7 +137,8 @@ void divide_rivals(SearchState& state, FoundEffect& effect, const std::vector<Tr
         members.push_back(&trial.fit);
         state.class_fits.push_back(trial.fit);
         effect.rivals.push_back(std::move(rival));
-      } else if (!richer || rival.is_contradicted) {
+      } else if (!richer || rival.is_contradicted ||
+                 (!stands && !state.problem->noise_is_known())) {
         effect.excluded.push_back(std::move(rival));
       } else if (!state.problem->noise_is_known() ||
                  state.compare.evidence_of_all(trial.fit, state.result.after) <=

@@ -38,7 +38,7 @@ double shortfall_of(const Diagnosis& diagnosis) {
 
 std::optional<double> force_left(const Diagnosis& diagnosis) {
   for (const VerdictReason& reason : diagnosis.reasons) {
-    if (reason.test.starts_with("force left at")) return reason.value;
+    if (reason.test.starts_with(kForceTest)) return reason.value;
   }
   return {};
 }

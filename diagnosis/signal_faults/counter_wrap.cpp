@@ -87,8 +87,9 @@ std::optional<CounterWrap> find_wrap(const Eigen::Ref<const Eigen::VectorXd>& va
   const double span = values.maxCoeff() - values.minCoeff();
   const Eigen::VectorXd steps = steps_of(values);
   const double longest = steps.cwiseAbs().maxCoeff();
-  if (is_long && turn > 0.0 && span <= turn && longest > 0.5 * turn) {
-    if (auto wrap = wrap_of(steps, turn, 1)) return wrap;
+  for (const double period : {turn, 0.5 * turn}) {
+    if (!is_long || !(period > 0.0) || span > period || longest <= 0.5 * period) continue;
+    if (auto wrap = wrap_of(steps, period, 1)) return wrap;
   }
   const bool whole = (values.array() == values.array().round()).all();
   if (!whole) return {};

@@ -1,10 +1,10 @@
 // Numbers that wrap: a counter of 8, 16 or 32 bits (also a signed number that was read as an
-// unsigned one), or an angle that is kept within one turn.
+// unsigned one), or an angle that is kept within one turn or half of one.
 //
 // Rule for a period P: the values span at most P, steps above P/2 occur, and with whole periods
 // added each of them is at most P/8 and at most 5 times the step that 99 % of the other steps keep
-// below. Counters hold whole numbers and need two such steps; an angle needs one. Periods are tried
-// from the smallest on.
+// below. Counters hold whole numbers and need two such steps; an angle needs one. Periods of
+// counters are tried from the smallest on, and turns before halves of them.
 //
 // A signed number that was read as unsigned may wrap once only, as a drive does that reverses. Its
 // rule: whole numbers from 0 to P - 1, none from P/8 to 7 P/8, in 20 samples or more. A switch has

@@ -611,6 +611,14 @@ bool gains_nothing_kept_out(const FoundEffect& effect, const Diagnosis& diagnosi
   return !diagnosis.noise_is_known && effect.held_out && !(effect.held_out->gain > 0.0);
 }
 
+// More acts unexplained than all that is known to act: no law's size is told then.
+bool leaves_more_than_acts(const Diagnosis& diagnosis) {
+  constexpr double kAll = 100.0;  // % of the forces that act
+  return std::ranges::any_of(diagnosis.reasons, [](const VerdictReason& reason) {
+    return reason.test.starts_with(kForceTest) && reason.value.value_or(0.0) > kAll;
+  });
+}
+
 void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   std::size_t blind = 0;
   for (const DetectableEffect& effect : diagnosis.detectable) {
@@ -628,7 +636,7 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
   return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) ||
          has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis) ||
-         gains_nothing_kept_out(effect, diagnosis);
+         gains_nothing_kept_out(effect, diagnosis) || leaves_more_than_acts(diagnosis);
 }
 
 bool has_no_confirmed_law(const Diagnosis& diagnosis) {

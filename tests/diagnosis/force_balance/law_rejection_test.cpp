@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/plausibility/plausibility.hpp"
 #include "tests/support/recorded_carriage.hpp"
 
@@ -104,6 +106,15 @@ TEST_F(LawRejection, NeverExplainsAnythingByNegativeDamping) {
       EXPECT_FALSE(is_damping && each.value < -3.0 * each.standard_error) << each.name;
     }
   }
+}
+
+// Part of a turn tells no period of a turn from one that is a little shorter; a weight has none.
+TEST(Ripples, OfAboutATurnAreWeights) {
+  const double turn = 2.0 * std::numbers::pi;
+  EXPECT_TRUE(is_about_a_turn(turn));
+  EXPECT_TRUE(is_about_a_turn(6.08));
+  EXPECT_FALSE(is_about_a_turn(0.5 * turn));
+  EXPECT_FALSE(is_about_a_turn(2.0 * turn));
 }
 
 }  // namespace

@@ -541,11 +541,26 @@ TEST_F(LogDoors, ADriveAgainstItsMotionIsTold) {
   for (Index k = 0; k < 300; ++k) {
     time(k) = 0.02 * static_cast<double>(k);
     voltage(k) = k < 150 ? 0.0 : -9.0;
-    speed(k) = k < 150 ? 0.0 : 11.3 * (1.0 - std::exp(-(time(k) - 3.0) / 0.05));
+    // In counts, and with an impact where it starts: no mass is told.
+    const double grows = 11.6355 * (1.0 - std::exp(-(time(k) - 3.0) / 0.02));
+    speed(k) = k < 150 ? 0.0 : k < 152 ? 16.7 : 0.727 * std::round(grows / 0.727);
   }
   const ModelProposal proposal = proposed(
       table_of({{"time [s]", time}, {"voltage [V]", voltage}, {"velocity [rad/s]", speed}}));
   EXPECT_TRUE(says(proposal, "acts against the motion, which goes one way")) << all_of(proposal);
+}
+
+// Millimetres that are called metres make an axis that few have; so do milliseconds called seconds.
+TEST_F(LogDoors, SpeedsAndMassesThatNoAxisHasAreDoubted) {
+  const DoorAxis m = door_axis(1500, 0.01);
+  const auto said = [&](double length, double time) {
+    return all_of(proposed(table_of({{"time [s]", time * m.time},
+                                     {"position [m]", length * m.position},
+                                     {"force [N]", m.force}})));
+  };
+  EXPECT_EQ(said(1.0, 1.0).find("right?"), std::string::npos) << said(1.0, 1.0);
+  EXPECT_NE(said(100.0, 1.0).find("which few axes do"), std::string::npos) << said(100.0, 1.0);
+  EXPECT_NE(said(1.0, 1000.0).find("would move here"), std::string::npos) << said(1.0, 1000.0);
 }
 
 // A title that says "output" names no load where nothing else moves.

@@ -185,6 +185,20 @@ TEST(StuckSensors, AreNotAxesThatStand) {
   EXPECT_FALSE(find_stuck_run(values, 50));
 }
 
+// A sensor with two poles comes round twice in a turn; one jump tells it.
+TEST(CounterWraps, OfHalfATurnAreTold) {
+  VectorXd degrees = VectorXd::LinSpaced(400, -60.0, 70.0);
+  for (Index k = 0; k < 400; ++k) degrees(k) += 3.0 * std::sin(0.05 * static_cast<double>(k));
+  for (double& value : degrees) value -= 180.0 * std::floor(value / 180.0);
+  const auto wrap = find_wrap(degrees, 360.0);
+  ASSERT_TRUE(wrap);
+  EXPECT_EQ(wrap->period, 180.0);
+  EXPECT_FALSE(find_wrap(degrees, 0.0));
+  // A step of another size is no wrap.
+  for (double& value : degrees) value *= value > 90.0 ? 0.7 : 1.0;
+  EXPECT_FALSE(find_wrap(degrees, 360.0));
+}
+
 TEST(CounterWraps, OfCountersAndOfAnglesAreTold) {
   const VectorXd turns = 3.0 * motion(4000, 3).array() * 8192.0;
   VectorXd counts = turns.array().round();

@@ -232,6 +232,19 @@ TEST(VerdictWords, FindNoLawOfWhichNoSizeIsTold) {
   EXPECT_FALSE(is_doubtful(diagnosis.effects[0], diagnosis));
 }
 
+// Beside a force that nobody knows, larger than all that acts, no law's size is told.
+TEST(VerdictWords, ConfirmNoLawBesideALargerForce) {
+  Diagnosis diagnosis = explained();
+  VerdictReason reason;
+  reason.test = std::string(kForceTest) + " axis, % of the forces that act";
+  reason.passed = false;
+  diagnosis.reasons = {reason};
+  for (const double share : {40.0, 122.0}) {
+    diagnosis.reasons[0].value = share;
+    EXPECT_EQ(is_doubtful(diagnosis.effects[0], diagnosis), share > 100.0);
+  }
+}
+
 // What failed stands in the first line.
 TEST(VerdictWords, SayWhyAnExplanationIsAmbiguous) {
   Diagnosis diagnosis = explained();
