@@ -175,7 +175,7 @@ class MassModel {
         machine_.motions[0].is_velocity ? "velocity" : "position"));
   }
 
-  // Of a drive in N m or N alone: others make masses of any size.
+  // A drive in N m or N is asked alone: others make masses of any size.
   void doubt_mass(const OneMassStart& start) {
     constexpr double kLargest = 1e4;  // kg m^2, kg
     const Unit* const unit = find_unit(machine_.drive->words.unit);

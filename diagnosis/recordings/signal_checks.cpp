@@ -116,7 +116,7 @@ std::vector<Index> clipped_places(const Eigen::Ref<const Eigen::VectorXd>& value
   const FlatTops low = flat_tops_at(values, lowest, sizes),
                  high = flat_tops_at(values, highest, sizes);
   const bool is_rare = hardly_repeats(values, lowest, highest);
-  // The same limit both ways is one limit.
+  // Two limits that differ by their sign alone are one limit.
   const std::size_t of_both = lowest == -highest && is_rare ? low.runs + high.runs : 0;
   const auto add = [&](const FlatTops& tops, double limit) {
     const bool is_long = is_rare && tops.longest >= kLongRun && limit != 0.0;  // 0: at rest

@@ -29,7 +29,7 @@ double misfit(const Eigen::Ref<const Eigen::VectorXd>& values, Index k) {
   return values(k) - (4.0 * (values(k - 1) + values(k + 1)) - values(k - 2) - values(k + 2)) / 6.0;
 }
 
-// Of what most samples misfit their cubic by, and those of a signal that stands for long.
+// What most samples misfit their cubic by; a signal that stands for long is asked where it moves.
 double usual_misfit(const Eigen::Ref<const Eigen::VectorXd>& misfits) {
   const Eigen::VectorXd sizes = misfits.cwiseAbs();
   std::vector<double> moving;

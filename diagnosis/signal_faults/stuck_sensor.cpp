@@ -37,7 +37,8 @@ bool trembles(const Eigen::VectorXd& steps, Index first, Index end) {
     if (steps(k) * steps(k - 1) < 0.0) ++turns;
   }
   const auto all = static_cast<double>(count);
-  return static_cast<double>(equal)<kHardly * all&& static_cast<double>(turns)> kOften * all;
+  if (static_cast<double>(equal) >= kHardly * all) return false;
+  return static_cast<double>(turns) > kOften * all;
 }
 
 }  // namespace

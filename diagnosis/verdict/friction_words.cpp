@@ -97,7 +97,7 @@ const CheckedRange::Span* velocity_at(const Diagnosis& diagnosis, const Place& p
   return nullptr;
 }
 
-// Of the force recorded there, else of a friction's level: N m or N, or a drive's own unit.
+// The unit of the force recorded there, else of a friction's level: N m, N or a drive's own.
 std::string force_unit(const Diagnosis& diagnosis, const Place& place) {
   const std::string axis = place.name.substr(0, place.name.find('.'));
   for (const CheckedRange::Span& span : diagnosis.checked.spans) {
