@@ -73,6 +73,7 @@ int run(int argc, char** argv) {
   graybox::cli::add_solve_command(app, invocation);
   graybox::cli::add_check_command(app, invocation);
   graybox::cli::add_exact_command(app, invocation);
+  graybox::cli::add_plot_command(app, invocation);
   graybox::cli::add_ellipsoid_command(app, invocation);
   graybox::cli::add_design_command(app, invocation);
   graybox::cli::add_paper_command(app, invocation);

@@ -143,14 +143,9 @@ int check_request(const CheckArguments& arguments, const ProjectedSet& read, con
   options.criterion = arguments.criterion.read(set).value_or(file.criterion.value_or(Criterion()));
   options.duality_gap = arguments.gap.value_or(file.asked_gap.value_or(options.duality_gap));
   ConstrainedSolution solution;
-  solution.efforts = file.design.weights;
+  solution.efforts = claimed_efforts(file.design, claim, constraints);
   solution.status = claimed_status(file.status);
   solution.counters = file.counters;
-  // A design that does not say how many experiments it is meant for uses all that is allowed.
-  const LinearConstraint& total = constraints.rows.front();
-  const double experiments =
-      claim.experiments.value_or(total.upper / row_value(total, solution.efforts));
-  for (double& effort : solution.efforts) effort *= experiments;
   ConstrainedReport report =
       judge_constrained(set, file.solver, options, std::move(solution),
                         given ? request : claim.request, std::move(constraints));

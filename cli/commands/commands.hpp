@@ -18,6 +18,7 @@ void add_problem_command(CLI::App& app, Invocation& invocation);
 void add_solvers_command(CLI::App& app, Invocation& invocation);
 void add_solve_command(CLI::App& app, Invocation& invocation);
 void add_check_command(CLI::App& app, Invocation& invocation);
+void add_plot_command(CLI::App& app, Invocation& invocation);
 void add_exact_command(CLI::App& app, Invocation& invocation);
 void add_ellipsoid_command(CLI::App& app, Invocation& invocation);
 void add_simulate_command(CLI::App& app, Invocation& invocation);

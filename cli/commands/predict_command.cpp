@@ -25,6 +25,7 @@ namespace {
 struct Arguments {
   std::string model, campaign, output;
   std::vector<std::string> physics;
+  std::string initial_state = "measured";
   int threads = 1;
   bool json = false;
 };
@@ -81,9 +82,10 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
-  const ModelPrediction prediction =
-      predict_recordings(arguments.model, campaign,
-                         {arguments.physics.begin(), arguments.physics.end()}, arguments.threads);
+  const ModelPrediction prediction = predict_recordings(
+      arguments.model, campaign, {arguments.physics.begin(), arguments.physics.end()},
+      arguments.threads,
+      arguments.initial_state == "free" ? FreeRunStart::kEstimated : FreeRunStart::kMeasured);
   if (!arguments.output.empty()) {
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
     write_text_file(arguments.output,
@@ -117,6 +119,12 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "write one page with curves (HTML)");
   command->add_option("--physics", arguments->physics,
                       "graybox-physics/1 files with further elements");
+  command
+      ->add_option("--initial-state", arguments->initial_state,
+                   "lumped models in free run: measured, or free (estimated from the whole "
+                   "recording)")
+      ->check(CLI::IsMember({"measured", "free"}))
+      ->capture_default_str();
   add_threads(*command, arguments->threads);
   add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -124,7 +132,8 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
       "Exit codes: 0 predicted; 2 bad input.\n"
       "Examples:\n"
       "  graybox predict docs/examples/fit/drive/motor.yaml docs/examples/fit/drive\n"
-      "  graybox predict report/model_extended.yaml campaign/ -o prediction.html");
+      "  graybox predict report/model_extended.yaml campaign/ -o prediction.html\n"
+      "  graybox predict drive.yaml campaign/ --initial-state free    (as models are compared)");
   command->callback(
       [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
 }

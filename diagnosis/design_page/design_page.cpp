@@ -6,9 +6,9 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <map>
 #include <utility>
 
+#include "diagnosis/design_page/design_charts.hpp"
 #include "diagnosis/design_page/robot_poses.hpp"
 
 namespace graybox {
@@ -17,7 +17,6 @@ namespace {
 constexpr std::size_t kMostPoints = 800;  // of the certificate's picture
 constexpr std::size_t kMostPoses = 24;
 constexpr std::size_t kMostBars = 8;
-constexpr std::size_t kMostLevels = 200;  // of a factor
 
 std::string candidate_name(std::size_t candidate) { return fmt::format("candidate {}", candidate); }
 
@@ -115,57 +114,13 @@ PageSection parameters_section(const DesignStory& story) {
   return section;
 }
 
-// The largest and the mean sensitivity at each value of a factor, beside the bound; none for
-// constants.
-std::vector<Chart> factor_charts(const DesignStory& story) {
-  const CandidateTable& candidates = story.set->candidates();
-  std::vector<Chart> charts;
-  for (std::size_t k = 0; k < candidates.names.size(); ++k) {
-    struct Level {
-      double largest = 0.0, sum = 0.0, count = 0.0;
-    };
-    std::map<double, Level> levels;
-    for (std::size_t i = 0; i < story.sensitivities.size(); ++i) {
-      if (!std::isfinite(story.sensitivities[i])) continue;
-      Level& level = levels[story.set->coordinates(i)[k]];
-      level.largest = std::max(level.largest, story.sensitivities[i]);
-      level.sum += story.sensitivities[i];
-      level.count += 1.0;
-    }
-    if (levels.size() < 2 || levels.size() > kMostLevels) continue;
-    ChartSeries line{.name = "largest", .x = {}, .y = {}};
-    ChartSeries mean{.name = "mean", .x = {}, .y = {}, .colour = "#777777"};
-    mean.dash = "2 2";
-    for (const auto& [at, level] : levels) {
-      line.x.push_back(at);
-      line.y.push_back(level.largest);
-      mean.x.push_back(at);
-      mean.y.push_back(level.sum / level.count);
-    }
-    ChartSeries bound{.name = "bound", .x = {}, .y = {1.0, 1.0}, .colour = "#606060"};
-    bound.x = {line.x.front(), line.x.back()};
-    bound.dash = "6 3";
-    ChartSeries support{.name = "in the design", .x = {}, .y = {}, .colour = "#d55e00"};
-    support.points = true;
-    for (const ScheduledRun& run : story.schedule.runs) {
-      support.x.push_back(story.set->coordinates(run.candidate)[k]);
-      support.y.push_back(story.sensitivities[run.candidate]);
-    }
-    charts.push_back(
-        {.title = "Sensitivity over " + candidates.names[k],
-         .x = {coordinate_head(candidates, k)},
-         .y = {"sensitivity / bound"},
-         .series = {std::move(line), std::move(mean), std::move(bound), std::move(support)}});
-  }
-  return charts;
-}
-
 PageSection certificate_section(const DesignStory& story, ReportPage& page) {
   PageSection section{.id = "certificate", .title = "Why it can't be better"};
   section.paragraphs = {story.sensitivity_words};
   page.plots.push_back(certificate_plot(story));
   section.figures.push_back(comparison_figure(page.plots.back()));
-  for (const Chart& chart : factor_charts(story)) section.figures.push_back({svg_chart(chart)});
+  for (const Chart& chart : sensitivity_charts(story))
+    section.figures.push_back({svg_chart(chart)});
   return section;
 }
 

@@ -8,7 +8,7 @@
 namespace graybox {
 
 [[nodiscard]] ModelPrediction predict_outputs(const LumpedModel& model, const Campaign& campaign,
-                                              int threads);
+                                              int threads, FreeRunStart start);
 [[nodiscard]] ModelPrediction predict_forces(RigidRobotModel robot, const Campaign& campaign);
 
 }  // namespace graybox

@@ -78,9 +78,16 @@ std::string prediction_words(const ModelPrediction& prediction, double ahead) {
 }
 
 ModelPrediction predict_recordings(const std::filesystem::path& model, const Campaign& campaign,
-                                   const std::vector<std::filesystem::path>& physics, int threads) {
+                                   const std::vector<std::filesystem::path>& physics, int threads,
+                                   FreeRunStart start) {
   const YamlField format = YamlField::load(model).at("format");
   if (format.text() == "graybox-rigid-robot/1") {
+    if (start == FreeRunStart::kEstimated) {
+      throw InputError(fmt::format(
+          "{}: a rigid robot's forces are predicted at the measured motion and have no initial "
+          "state; leave --initial-state out",
+          model.string()));
+    }
     return predict_forces(load_rigid_robot(model, physics), campaign);
   }
   if (format.text() != "graybox-lumped/1") {
@@ -93,7 +100,7 @@ ModelPrediction predict_recordings(const std::filesystem::path& model, const Cam
   }
   std::optional<std::filesystem::path> more;
   if (!physics.empty()) more = physics.front();
-  return predict_outputs(load_lumped_model(model, more), campaign, threads);
+  return predict_outputs(load_lumped_model(model, more), campaign, threads, start);
 }
 
 std::vector<Trace> prediction_traces(const ModelPrediction& prediction) {
@@ -120,6 +127,11 @@ std::string words_of_measure(const ModelPrediction& prediction) {
       std::ranges::any_of(prediction.recordings,
                           [](const RecordingPrediction& each) { return !(each.ahead > 0.0); });
   if (!runs_free) return words;
+  if (prediction.start == FreeRunStart::kEstimated) {
+    return words +
+           "; free runs begin in the state by which the whole recording is met best, which a "
+           "prediction does not know";
+  }
   return words +
          "; the first samples only tell the state and are not counted (in free run 200, at "
          "most half)";

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -40,18 +41,28 @@ struct PredictionCurve {
   Eigen::VectorXd time, measured, predicted;  // s; NaN where nothing is predicted
 };
 
+// Where free runs of lumped models begin.
+enum class FreeRunStart : std::int8_t {
+  kMeasured,   // in the state that the first samples tell
+  kEstimated,  // in that by which the whole recording is met best: models are compared so by hand,
+               // and all samples count. The error is less than a prediction's.
+};
+
 struct ModelPrediction {
   std::string of;  // "outputs" or "forces"
   std::vector<RecordingPrediction> recordings;
   std::vector<PredictionCurve> curves;  // over the longest horizon
   std::vector<std::string> notes = {};  // what was changed in the recordings
+  FreeRunStart start = FreeRunStart::kMeasured;
 };
 
 // graybox-lumped/1 and graybox-rigid-robot/1. Throws InputError for other formats, for files that
-// can't be used together, and for a robot of which something is unknown.
+// can't be used together, and for a robot of which something is unknown. A robot's forces have no
+// start to estimate.
 [[nodiscard]] ModelPrediction predict_recordings(
     const std::filesystem::path& model, const Campaign& campaign,
-    const std::vector<std::filesystem::path>& physics = {}, int threads = 1);
+    const std::vector<std::filesystem::path>& physics = {}, int threads = 1,
+    FreeRunStart start = FreeRunStart::kMeasured);
 
 // "0.1 s ahead", "free run", "at measured motion".
 [[nodiscard]] std::string prediction_words(const ModelPrediction& prediction, double ahead);

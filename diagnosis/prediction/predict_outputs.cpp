@@ -13,6 +13,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr Index kSeenSamples = 200;  // before a recording runs free
+constexpr int kStartIterations = 50;
 
 VectorXd deviations_of(const MatrixXd& values) {
   const MatrixXd centred = values.rowwise() - values.colwise().mean();
@@ -21,8 +22,10 @@ VectorXd deviations_of(const MatrixXd& values) {
 
 class OutputPrediction {
  public:
-  OutputPrediction(const LumpedModel& model, const Campaign& campaign, int threads)
+  OutputPrediction(const LumpedModel& model, const Campaign& campaign, int threads,
+                   FreeRunStart start)
       : model_(as_given(model, kSearchFactor)), data_(model, campaign, threads), threads_(threads) {
+    result_.start = start;
     const PredictionTask task = data_.windows(data_.first_horizon());
     intensity_ = best_intensity(model_, data_, task, 0, threads).intensity;
   }
@@ -41,18 +44,23 @@ class OutputPrediction {
 
  private:
   [[nodiscard]] PredictionTask task_of(Index horizon, ExperimentRole role) const {
-    return horizon == 0 ? data_.free_after(kSeenSamples, role) : data_.windows(horizon, role);
+    const bool has_seen = horizon == 0 && result_.start == FreeRunStart::kMeasured;
+    return has_seen ? data_.free_after(kSeenSamples, role) : data_.windows(horizon, role);
   }
+  // Of the initial state alone, where it is estimated: the parameters stay.
   [[nodiscard]] PredictionFit fit(const PredictionTask& task) const {
     const PredictionFitter fitter(data_, task, intensity_, threads_);
-    return fitter.fit(model_, data_.output_scale(), {}, 0, false);
+    return fitter.fit(model_, data_.output_scale(), {}, task.is_free() ? kStartIterations : 0,
+                      false);
   }
 
   void add(Index horizon, bool with_curves) {
     for (const ExperimentRole role : {ExperimentRole::kEstimation, ExperimentRole::kValidation}) {
       for (const PredictionRun& run : task_of(horizon, role).runs) {
         PredictionTask one;
-        one.horizon = horizon == 0 ? run.samples : horizon;
+        // Of horizon 0 is what runs free from its first sample on.
+        const bool has_seen = horizon == 0 && result_.start == FreeRunStart::kMeasured;
+        one.horizon = has_seen ? run.samples : horizon;
         one.runs.push_back(run);
         add_run(one, horizon, with_curves);
       }
@@ -110,8 +118,9 @@ class OutputPrediction {
 
 }  // namespace
 
-ModelPrediction predict_outputs(const LumpedModel& model, const Campaign& campaign, int threads) {
-  return OutputPrediction(model, campaign, threads).run();
+ModelPrediction predict_outputs(const LumpedModel& model, const Campaign& campaign, int threads,
+                                FreeRunStart start) {
+  return OutputPrediction(model, campaign, threads, start).run();
 }
 
 }  // namespace graybox

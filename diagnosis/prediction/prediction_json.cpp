@@ -25,8 +25,13 @@ Json prediction_json(const ModelPrediction& prediction, const std::string& model
       rows.push_back(std::move(row));
     }
   }
-  return {{"format", "graybox-prediction/1"}, {"model", model}, {"campaign", campaign},
-          {"predicted", prediction.of},       {"rows", rows},   {"notes", prediction.notes}};
+  return {{"format", "graybox-prediction/1"},
+          {"model", model},
+          {"campaign", campaign},
+          {"predicted", prediction.of},
+          {"initial_state", prediction.start == FreeRunStart::kMeasured ? "measured" : "free"},
+          {"rows", rows},
+          {"notes", prediction.notes}};
 }
 
 }  // namespace graybox

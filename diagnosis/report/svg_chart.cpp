@@ -110,9 +110,9 @@ std::string drawn(const ChartSeries& series, const AxisScale& x, const AxisScale
   }
   if (series.points) {
     return fmt::format(
-        "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"3\" stroke-linecap=\"round\" "
-        "stroke-opacity=\"0.6\"/>\n",
-        shape, series.colour);
+        "<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{:g}\" "
+        "stroke-linecap=\"round\" stroke-opacity=\"{:g}\"/>\n",
+        shape, series.colour, series.point_size, series.point_size > 3.0 ? 1.0 : 0.6);
   }
   return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.6\" {}/>\n",
                      shape, series.colour, dash_of(series));

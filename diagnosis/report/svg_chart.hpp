@@ -14,6 +14,7 @@ struct ChartSeries {
   std::vector<double> x, y;  // points that are not finite (or not positive on a log axis) are gaps
   std::string colour = "#0072b2";
   bool points = false;            // else a line
+  double point_size = 3.0;        // their diameter
   std::vector<double> band = {};  // about each point of a line, half its width; empty: none
   std::string dash = {};          // of a line, as SVG's stroke-dasharray
 };

@@ -105,6 +105,15 @@ std::optional<ConstrainedClaim> read_constrained_claim(const std::string& path) 
   }
 }
 
+std::vector<double> claimed_efforts(const Design& weights, const ConstrainedClaim& claim,
+                                    const DesignConstraints& constraints) {
+  std::vector<double> efforts = weights.weights;
+  const LinearConstraint& total = constraints.rows.front();
+  const double experiments = claim.experiments.value_or(total.upper / row_value(total, efforts));
+  for (double& effort : efforts) effort *= experiments;
+  return efforts;
+}
+
 DesignConstraints resolve(const ConstrainedClaim& claim, const InformationSet& set,
                           const std::string& path) {
   DesignConstraints constraints = resolve(claim.request, set);

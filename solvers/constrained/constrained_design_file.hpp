@@ -54,6 +54,12 @@ struct ConstrainedClaim {
 };
 [[nodiscard]] std::optional<ConstrainedClaim> read_constrained_claim(const std::string& path);
 
+// The efforts x of a file's weights: those of the experiments that it states, or else of as many as
+// the first row allows.
+[[nodiscard]] std::vector<double> claimed_efforts(const Design& weights,
+                                                  const ConstrainedClaim& claim,
+                                                  const DesignConstraints& constraints);
+
 // resolve(), and throws InputError where the files have changed since the design was made.
 [[nodiscard]] DesignConstraints resolve(const ConstrainedClaim& claim, const InformationSet& set,
                                         const std::string& path);
