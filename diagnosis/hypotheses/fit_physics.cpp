@@ -129,8 +129,7 @@ bool sets_size(const LawParameterEstimate& estimate) {
 }
 
 bool is_determined(const LawParameterEstimate& estimate) {
-  const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
-                                                                 : estimate.standard_error;
+  const double error = estimate.error();
   if (!std::isfinite(error)) return true;  // nothing is known of it
   const std::string& name = estimate.name;
   if (name.ends_with("phase") || name.ends_with("angle")) return error < 1.0;
@@ -140,9 +139,8 @@ bool is_determined(const LawParameterEstimate& estimate) {
 
 bool excludes_its_absence(const FittedLaw& law) {
   return std::ranges::any_of(law.parameters, [](const LawParameterEstimate& estimate) {
-    const double error = std::isfinite(estimate.standard_error) ? estimate.standard_error
-                                                                : estimate.conditional_error;
-    return sets_size(estimate) && error > 0.0 && std::abs(estimate.value) > kToldFromZero * error;
+    return sets_size(estimate) && estimate.error() > 0.0 &&
+           std::abs(estimate.value) > kToldFromZero * estimate.error();
   });
 }
 

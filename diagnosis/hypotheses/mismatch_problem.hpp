@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -70,6 +71,11 @@ struct LawParameterEstimate {
   // (LawParameter::is_relative), where that scale stays as it is.
   double conditional_error = std::numeric_limits<double>::quiet_NaN();
   bool sets_scale = false;  // stated, as LawParameter's
+
+  // The one of the two that is known; NaN where neither is.
+  [[nodiscard]] double error() const {
+    return std::isfinite(standard_error) ? standard_error : conditional_error;
+  }
 };
 
 // Of a law that was found at a place, its scale stated.

@@ -63,9 +63,7 @@ bool has_size_of_no_more_than_error(const FittedLaw& law) {
   constexpr double kErrors = 2.0;
   if (std::ranges::none_of(law.parameters, sets_size)) return false;
   return std::ranges::none_of(law.parameters, [](const LawParameterEstimate& estimate) {
-    const double error = std::isfinite(estimate.standard_error) ? estimate.standard_error
-                                                                : estimate.conditional_error;
-    return sets_size(estimate) && std::abs(estimate.value) > kErrors * error;
+    return sets_size(estimate) && std::abs(estimate.value) > kErrors * estimate.error();
   });
 }
 

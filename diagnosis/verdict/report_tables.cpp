@@ -84,9 +84,7 @@ PageCell plausibility_cell(const Diagnosis& diagnosis, const LawParameterEstimat
     return {flaw->excludes ? "no machine has that" : "not determined", flaw->words,
             PageMark::kFailed};
   }
-  const bool has_error =
-      std::isfinite(estimate.standard_error) || std::isfinite(estimate.conditional_error);
-  if (!has_error) return {"no standard error", {}, PageMark::kOpen};
+  if (!std::isfinite(estimate.error())) return {"no standard error", {}, PageMark::kOpen};
   if (!is_determined(estimate)) return {"not determined", {}, PageMark::kFailed};
   if (!diagnosis.plausibility_judged) return {"not judged", {}, PageMark::kOpen};
   return {"plausible", {}, PageMark::kPassed};

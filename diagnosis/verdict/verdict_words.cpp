@@ -248,9 +248,7 @@ bool has_no_size(const FittedLaw& law) {
   constexpr double kToldApart = 2.0;  // standard errors
   bool any = false;
   for (const LawParameterEstimate& estimate : law.parameters) {
-    // Sizes that the motion tells together have an error beside the others only.
-    const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
-                                                                   : estimate.standard_error;
+    const double error = estimate.error();
     if (!sets_size(estimate) || !(error > 0.0)) continue;
     if (std::abs(estimate.value) > kToldApart * error) return false;
     any = true;
@@ -750,8 +748,7 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
     return fmt::format("{:.4g}{} (stated: with another the other sizes scale)", estimate.value,
                        unit);
   }
-  const double error = std::isfinite(estimate.conditional_error) ? estimate.conditional_error
-                                                                 : estimate.standard_error;
+  const double error = estimate.error();
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }

@@ -72,11 +72,15 @@ py::dict fit_files(const py::dict& arguments, const py::object& progress) {
 }
 
 py::dict predict_files(const std::string& model, const std::string& campaign_file,
-                       const Names& physics, int threads) {
+                       const Names& physics, int threads, const std::string& initial_state) {
+  if (initial_state != "measured" && initial_state != "free") {
+    throw InputError("initial_state is '" + initial_state + "'; it must be measured or free");
+  }
   Call call{py::none()};
   const ModelPrediction prediction = call.run([&] {
-    return predict_recordings(model, read_campaign(campaign_file), {physics.begin(), physics.end()},
-                              threads);
+    return predict_recordings(
+        model, read_campaign(campaign_file), {physics.begin(), physics.end()}, threads,
+        initial_state == "free" ? FreeRunStart::kEstimated : FreeRunStart::kMeasured);
   });
   if (call.interrupted()) throw Stopped();
   py::list curves;

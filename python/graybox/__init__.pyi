@@ -603,6 +603,7 @@ def predict(
     recordings: Recordings,
     *,
     physics: Union[Path, Sequence[Path]] = ...,
+    initial_state: str = ...,
     threads: int = ...,
 ) -> Prediction: ...
 def simulate(

@@ -58,11 +58,14 @@ def fit(model, recordings, *, write=None, physics=(), starts=8, all_starts=False
     return finished(fitted, fields["interrupted"])
 
 
-def predict(model, recordings, *, physics=(), threads=1):
-    """How well the model predicts the recordings as it stands: nothing is fitted."""
+def predict(model, recordings, *, physics=(), initial_state="measured", threads=1):
+    """How well the model predicts the recordings as it stands: nothing is fitted.
+
+    initial_state of free runs: measured, or free (estimated from the whole recording).
+    """
     with files() as made:
         fields = _graybox.predict(made.model(model), made.campaign(recordings), _paths(physics),
-                                  threads)
+                                  threads, initial_state)
         return Prediction(made.shown(fields["prediction"]), made.shown(fields["curves"]))
 
 

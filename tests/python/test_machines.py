@@ -206,6 +206,10 @@ class FitAndPredict(InFolder):
         said = command("predict", MODEL, DRIVE)
         prediction = graybox.predict(MODEL, DRIVE)
         self.assertEqual(prediction.data, said)
+        said = command("predict", MODEL, DRIVE, "--initial-state", "free")
+        self.assertEqual(graybox.predict(MODEL, DRIVE, initial_state="free").data, said)
+        with self.assertRaisesRegex(graybox.InputError, "measured or free"):
+            graybox.predict(MODEL, DRIVE, initial_state="rest")
         by_arrays = graybox.predict(MOTOR, recordings())
         self.assertEqual([row["nrmse"] for row in by_arrays.rows],
                          [row["nrmse"] for row in prediction.rows])

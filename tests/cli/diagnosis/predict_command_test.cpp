@@ -97,8 +97,8 @@ channels: {torque: [torque], torque_of: arm, position: [q], position_of: arm, ve
   EXPECT_NE(refused.err.find("the body of pendulum is unknown"), std::string::npos) << refused.err;
 }
 
-// A mass that flies against a viscous friction. Its model is exact, but of the first sample the noise
-// is twenty times as large, so that the state there is hardly told.
+// A mass that flies against a viscous friction. Its model is exact, but of the first sample the
+// noise is twenty times as large, so that the state there is hardly told.
 TEST_F(Predict, AnEstimatedStartLeavesAnExactModelTheNoise) {
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal(0.0, 0.001);
