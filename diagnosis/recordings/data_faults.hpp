@@ -6,7 +6,7 @@
 // fault_mending.hpp.
 //
 // How often each rule is wrong and right was measured on real recordings:
-// docs/how_to/recordings.md.
+// docs/how_to/faulty_data.md.
 #pragma once
 
 #include <Eigen/Core>

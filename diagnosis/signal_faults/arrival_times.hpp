@@ -6,7 +6,7 @@
 // most, the median error as if even is below kSmoother of that by the times. Only where no
 // step is so long that a sample may have been lost; what rounding or noise leaves is the same by
 // both.
-// Rates: docs/how_to/recordings.md. Cost: O(n).
+// Rates: docs/how_to/faulty_data.md. Cost: O(n).
 #pragma once
 
 #include <Eigen/Core>

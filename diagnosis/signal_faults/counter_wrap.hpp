@@ -10,7 +10,7 @@
 // rule: whole numbers from 0 to P - 1, none from P/8 to 7 P/8, in 20 samples or more. A switch has
 // few levels, so there are two or more on either side and five in all. Steps across the middle are
 // small with whole periods added: at most P/256, or 5 times what 99 % of the others keep below.
-// Rates: docs/how_to/recordings.md. Cost: O(n log n).
+// Rates: docs/how_to/faulty_data.md. Cost: O(n log n).
 #pragma once
 
 #include <Eigen/Core>

@@ -4,7 +4,7 @@
 // Rule: of the intervals between changes, in samples, two in five or more are n, the commonest and
 // at least 2, and nine in ten are whole multiples of n. A tenth of the changes or more are above
 // 1.5 times the smallest one (a slow ramp of a coarse sensor has equal ones). At least twelve
-// changes, and more than 16 levels. Rates: docs/how_to/recordings.md. Cost: O(n log n).
+// changes, and more than 16 levels. Rates: docs/how_to/faulty_data.md. Cost: O(n log n).
 #pragma once
 
 #include <Eigen/Core>

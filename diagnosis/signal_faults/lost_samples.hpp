@@ -5,7 +5,7 @@
 // 20 times the |r| that 99 % of all samples keep below. For positions only: velocities and forces
 // jump. A motion has no such jump where it is sampled well; a spike has two of opposite sign and is
 // not counted, nor is what happens at the first and the last two steps.
-// Rates: docs/how_to/recordings.md. Cost: O(n).
+// Rates: docs/how_to/faulty_data.md. Cost: O(n).
 #pragma once
 
 #include <Eigen/Core>

@@ -3,7 +3,7 @@
 // Rule: every step is a whole number of the smallest step q (within 2 %), and the error of
 // rounding, q/sqrt(12), is above 2 % of the signal's standard deviation. Signals of at most 16
 // levels switch and are no matter of resolution, nor are fewer than 100 samples. Rates:
-// docs/how_to/recordings.md. Cost: O(n).
+// docs/how_to/faulty_data.md. Cost: O(n).
 #pragma once
 
 #include <Eigen/Core>

@@ -8,7 +8,7 @@
 //   and six times what its neighbours leave of their cubics once it is put on its own.
 // Where noise and steps are too small to tell, above 1e-6 of the largest value.
 // The running median has no spikes, so that many of them don't hide each other.
-// Measured on the recordings named in docs/how_to/recordings.md; the rates are in its table.
+// Measured on the recordings named in docs/how_to/recordings.md; the rates are in faulty_data.md.
 // No answer for signals of at most 16 levels (they switch) and below 100 samples. Cost: O(n).
 #pragma once
 

@@ -1,6 +1,6 @@
 // Faults that data show by themselves: each detector on signals made here, and on all channels of
 // the real recordings (GRAYBOX_RECORDINGS): as they are for false alarms, with a fault put in at
-// random for hits. The rates in docs/how_to/recordings.md are those of the calibration below.
+// random for hits. The rates in docs/how_to/faulty_data.md are those of the calibration below.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
