@@ -18,6 +18,16 @@ std::string reason_for_none(const DesignFile& file) {
   return "";
 }
 
+// The gradients of E and G need what their solvers write beside the weights.
+std::string reason_for_no_gradient(const DesignFile& file) {
+  const CriterionKind kind = file.criterion.value_or(Criterion()).kind();
+  const bool needs_dual =
+      kind == CriterionKind::kE || kind == CriterionKind::kG || kind == CriterionKind::kCompound;
+  return needs_dual ? "its information matrix is singular, or the file lacks the dual matrix or "
+                      "weights of its criterion"
+                    : "its information matrix is singular";
+}
+
 DesignStory story_of_request(const InformationSet& set, const std::string& path,
                              const DesignFile& file, const ConstrainedClaim& claim) {
   DesignConstraints constraints = resolve(claim, set, path);
@@ -48,8 +58,8 @@ DesignStory stored_design_story(const InformationSet& set, const std::string& pa
   }
   const std::optional<ExactClaim> exact = read_exact_claim(path, set, file.design);
   if (exact.has_value()) story.schedule = design_schedule(set, exact->design.counts);
-  if (story.sensitivities.empty() && story.sensitivity_words.empty()) {
-    story.sensitivity_words = "its information matrix is singular";
+  if (story.sensitivities.empty() && reason_for_none(file).empty()) {
+    story.sensitivity_words = reason_for_no_gradient(file);
   }
   return story;
 }

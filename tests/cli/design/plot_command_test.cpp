@@ -74,6 +74,17 @@ TEST_F(PlotCommand, SaysWhereNoSensitivitiesAreDrawn) {
   EXPECT_FALSE(has("floor/sensitivities.svg"));
 }
 
+// Whoever made the file: E needs its dual matrix, and one line alone determines no plane.
+TEST_F(PlotCommand, SaysWhatAFileLacks) {
+  make("problem random --family r1g --candidates 40 --dimension 4 -o lines.h5");
+  std::ofstream(place("e.json")) << R"({"format": "graybox-design/1", "criterion": {"name": "E"},
+    "problem": "set.h5", "support": [{"index": 0, "weight": 0.5}, {"index": 7, "weight": 0.5}]})";
+  EXPECT_NE(plotted("e.json", "e").out.find("lacks the dual matrix"), std::string::npos);
+  std::ofstream(place("one.json")) << R"({"format": "graybox-design/1",
+    "problem": "lines.h5", "support": [{"index": 0, "weight": 1}]})";
+  EXPECT_NE(plotted("one.json", "one").out.find("singular"), std::string::npos);
+}
+
 TEST_F(PlotCommand, ReplacesItsOwnPicturesAndNoOthers) {
   make("solve set.h5 -o design.json");
   plotted("design.json", "pictures");
