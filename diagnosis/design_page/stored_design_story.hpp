@@ -13,8 +13,9 @@ namespace graybox {
 
 // The set must outlive the story. A design made under floors or limits, or for several sets, has no
 // sensitivities: on one set alone they prove nothing. Neither has one whose information matrix is
-// singular, or that lacks the dual matrix or weights of E and G. sensitivity_words say so. Those of a design made for a request are divided by the
-// prices of its limits. Throws InputError as read_design().
+// singular, or that lacks the dual matrix or weights of E and G. sensitivity_words say so. Those of
+// a design made for a request are divided by the prices of its limits. Throws InputError as
+// read_design().
 [[nodiscard]] DesignStory stored_design_story(const InformationSet& set, const std::string& path);
 
 }  // namespace graybox
