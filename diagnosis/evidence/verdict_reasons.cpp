@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/evidence/trend_reason.hpp"
 
 namespace graybox {
@@ -400,6 +401,7 @@ std::vector<VerdictReason> verdict_reasons(const Diagnosis& diagnosis,
     if (predicts.passed) predicts.next.clear();
     reasons.push_back(std::move(predicts));
   }
+  if (auto holds = holding_reason(diagnosis.checked)) reasons.push_back(*std::move(holds));
   reasons.push_back(determination_reason(diagnosis));
   append(lateness_reasons(diagnosis), reasons);
   if (!diagnosis.noise_is_known && !diagnosis.validation_after && !diagnosis.interrupted) {

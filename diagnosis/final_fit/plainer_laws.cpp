@@ -111,26 +111,44 @@ bool take_plainer_law(LastFit& last, std::size_t law) {
   return false;
 }
 
+// The model with a friction that turns at once in place of this one, from the best of these levels.
+JudgedModel with_steep_friction(const LastFit& last, const PlacedFinding& gradual,
+                                const std::array<double, 3>& levels) {
+  const ExtendedLumpedModel bare = without_part(last.found.fit.model, gradual.part);
+  JudgedModel best;
+  for (const LawExtension& start : last.hypotheses->extensions(bare, last.motion())) {
+    if (start.hypothesis != gradual.hypothesis || start.replaces || !start.fixed[1]) continue;
+    for (const double level : levels) {
+      if (!(level > 0.0)) continue;
+      JudgedModel steep = last.judged(extended(bare, start, level), kLastFitIterations);
+      const bool is_better =
+          steep.fit.usable && (!best.fit.usable || steep.fit.cost < best.fit.cost);
+      if (is_better) best = std::move(steep);
+    }
+  }
+  return best;
+}
+
 // Dry friction that slides over gradually, where one that turns at once predicts as well: over the
-// short windows of the search other errors make it gradual.
+// short windows of the search other errors make it gradual. Where the mass stood still under a
+// drive one that turns at once is there, and may predict a little worse.
 bool take_steep_friction(LastFit& last, std::size_t law) {
+  constexpr double kLittleWorse = 2.0;  // of the cost
   const PlacedFinding placed = last.found.fit.model.laws[law];
   const ExtendedLumpedModel& model = last.found.fit.model;
   const std::size_t transition = model.first_parameter(placed.part) + 1;
   const bool is_gradual = model.model.parts[placed.part].law_name == "coulomb" &&
                           std::ranges::count(last.found.fit.free, transition) > 0;
   if (!is_gradual) return false;
-  const ExtendedLumpedModel bare = without_part(model, placed.part);
-  for (const LawExtension& start : last.hypotheses->extensions(bare, last.motion())) {
-    if (start.hypothesis != placed.hypothesis || start.replaces || !start.fixed[1]) continue;
-    ExtendedLumpedModel steep = extended(bare, start, model.model.parameters[transition - 1].value);
-    JudgedModel plainer = last.judged(steep, kLastFitIterations);
-    if (!plainer.fit.usable) continue;
-    if (last.z_over(plainer) >= kMissedLaw && !predicts_further(last, plainer)) continue;
-    last.found = std::move(plainer);
-    return true;
-  }
-  return false;
+  const double level = model.model.parameters[transition - 1].value,
+               held = last.hypotheses->held_at_standstill();
+  JudgedModel steep = with_steep_friction(last, placed, {level, 0.5 * level, held});
+  if (!steep.fit.usable) return false;
+  const bool must_hold = held > 0.0 && steep.fit.cost < kLittleWorse * last.found.fit.cost;
+  if (!must_hold && last.z_over(steep) >= kMissedLaw && !predicts_further(last, steep))
+    return false;
+  last.found = std::move(steep);
+  return true;
 }
 
 // Where inertia is small, a drive that does not answer to small commands moves a mass as dry

@@ -75,9 +75,17 @@ bool is_weight(const PlacedLaw& law) {
 
 }  // namespace
 
+bool tells_standing(const ForceBalanceData& data) {
+  constexpr double kHeld = 0.2;  // of the forces that act
+  const double held = data.standing.held();
+  return held > 0.0 &&
+         held > kHeld * data.estimation.root_mean_squares(data.estimation.measured)(0);
+}
+
 BalanceHypotheses::BalanceHypotheses(const ForceBalanceData& data) : data_(data) {
   for (const CandidatePlace& place : data_.places) {
     scales_.push_back(motion_scale(place, data_.estimation));
+    scales_.back().stands_under_force = tells_standing(data_);
     for (const LawEntry* entry : force_balance_laws(place, data_.position_is_recorded)) {
       hypotheses_.push_back({.place = place.location.name,
                              .location = place.yaml,

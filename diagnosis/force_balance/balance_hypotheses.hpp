@@ -14,6 +14,9 @@
 
 namespace graybox {
 
+// Whether the only joint stood still under forces that differ by much.
+[[nodiscard]] bool tells_standing(const ForceBalanceData& data);
+
 class BalanceHypotheses {
  public:
   explicit BalanceHypotheses(const ForceBalanceData& data);  // which must outlive it

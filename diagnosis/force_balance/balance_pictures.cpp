@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
@@ -14,6 +15,17 @@ using Index = Eigen::Index;
 
 constexpr Index kShownChannels = 8;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// That lasted for as long as the filter of the signals takes to rise.
+double slowest_speed(const Motion& piece, Index joint) {
+  constexpr double kRise = 0.35;  // times the reciprocal of a low-pass's frequency
+  double seconds = 0.0;
+  for (const FilterPass& filter : piece.filters) {
+    seconds = std::max(seconds, kRise / filter.frequency);
+  }
+  const double samples = piece.sample_time() > 0.0 ? seconds / piece.sample_time() : 0.0;
+  return slowest_lasting_speed(piece.velocity.col(joint), std::max<Index>(1, std::lround(samples)));
+}
 
 void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index j,
                CheckedRange& range) {
@@ -33,8 +45,14 @@ void add_spans(const ForceBalanceData& data, const ForceBalanceRows& rows, Index
   }
   CheckedRange::Span recorded = velocity;
   for (const ForceBalanceRows* all : {&data.estimation, &data.validation}) {
-    for (const Motion& piece : all->pieces) widen(recorded, piece.velocity.col(j));
+    for (const Motion& piece : all->pieces) {
+      widen(recorded, piece.velocity.col(j));
+      const double slowest = slowest_speed(piece, j);
+      const bool is_slower = recorded.slowest == 0.0 || slowest < recorded.slowest;
+      if (slowest > 0.0 && is_slower) recorded.slowest = slowest;
+    }
   }
+  velocity.slowest = recorded.slowest;
   range.recorded.push_back(std::move(recorded));
   if (data.position_is_recorded) range.spans.push_back(std::move(position));
   range.spans.push_back(std::move(velocity));
@@ -119,6 +137,10 @@ CheckedRange checked_range(const ForceBalanceData& data) {
     if (std::ranges::find(range.files, name) == range.files.end()) range.files.push_back(name);
   }
   for (Index j = 0; j < rows.coordinates(); ++j) add_spans(data, rows, j, range);
+  if (tells_standing(data)) {
+    const BalanceCoordinate& axis = data.coordinates.front();
+    range.standing = {axis.name, axis.units.force, data.standing, kNaN};
+  }
   return range;
 }
 

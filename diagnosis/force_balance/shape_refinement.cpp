@@ -28,7 +28,8 @@ class ProjectedLaw {
   ProjectedLaw(const ForceBalanceData& data, const BalanceProjection& projection,
                const RefinedLaw& law)
       : data_(data), projection_(projection), law_(law.law) {
-    if (!law.is_new) widest_transition_ = graybox::widest_transition(*law.scale);
+    const bool is_bounded = !law.is_new || law.scale->stands_under_force;
+    if (is_bounded) widest_transition_ = graybox::widest_transition(*law.scale);
     set(law_.parameters);
   }
 

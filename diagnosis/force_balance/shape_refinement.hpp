@@ -16,12 +16,6 @@
 
 namespace graybox {
 
-// Friction whose transition is wider is no friction but a damper: half of the speed that nine
-// samples in ten stay below.
-[[nodiscard]] inline double widest_transition(const MotionScale& scale) {
-  return 0.5 * scale.rate(0.9);
-}
-
 struct RefinedLaw {
   PlacedLaw law;
   bool is_new = false;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <variant>
 
 #include "diagnosis/force_balance_data/clipped_forces.hpp"
 #include "diagnosis/force_balance_data/held_commands.hpp"
@@ -389,6 +390,35 @@ std::string standing_times(const RigidRobotModel& robot, std::span<const Motion>
   return fmt::format("{}", fmt::join(joints, ", "));
 }
 
+// Whether nothing but dry friction that the model lacks can hold the only joint.
+bool stands_by_friction_alone(const RigidRobotModel& robot) {
+  return robot.size() == 1 && !needs_position(robot) &&
+         std::ranges::all_of(robot.elements, [](const Element& element) {
+           return element.use != LawUse::kForce || element.law_name == "viscous";
+         });
+}
+
+// What the drive gave while the only joint stood still, by the recordings as they are: behind a
+// low-pass a motion shows before it begins.
+StandingDrive drive_at_standstill(const RigidRobotModel& robot, Campaign campaign) {
+  StandingDrive drive;
+  if (!stands_by_friction_alone(robot)) return drive;
+  std::erase_if(campaign.preprocess, [](const PreprocessStep& step) {
+    return std::holds_alternative<LowPass>(step) || std::holds_alternative<Trim>(step) ||
+           std::holds_alternative<Decimate>(step);
+  });
+  for (const MotionRecord& record : read_motion_records(robot, campaign)) {
+    if (record.role != ExperimentRole::kEstimation) continue;
+    const Eigen::VectorXd speeds = root_mean_square_speeds(record.pieces);
+    for (const Motion& piece : record.pieces) {
+      if (piece.samples() < 2) continue;
+      const std::vector<Stay> still = joint_stays(piece, 0, speeds(0));
+      drive = larger(drive, standing_drive(piece.time, piece.torque.col(0), still));
+    }
+  }
+  return drive;
+}
+
 // Marks where joints stand, and cuts samples at which nothing moves from all recordings.
 void leave_out_standstill(const RigidRobotModel& robot, std::vector<MotionRecord>& records,
                           ForceBalanceData& data) {
@@ -580,6 +610,7 @@ ForceBalanceData load_force_balance_data(const RigidRobotModel& robot, const Cam
   ForceBalanceData data;
   data.advance = advance;
   std::vector<MotionRecord> records = read_motion_records(robot, campaign);
+  data.standing = drive_at_standstill(robot, campaign);
   const bool may_be_held = robot.channels.commanded_torque && campaign.hold == InputHold::kZero;
   if (may_be_held && are_held_commands(records)) take_means_of_held(records);
   advance_forces(advance, records);

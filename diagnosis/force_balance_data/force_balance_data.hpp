@@ -16,6 +16,7 @@
 #include "diagnosis/inverse_dynamics/law_force.hpp"
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
 #include "diagnosis/plausibility/fitted_physics.hpp"
+#include "diagnosis/signals/standing_drive.hpp"
 #include "problems/mechanisms/rigid_robot_model.hpp"
 
 namespace graybox {
@@ -103,6 +104,9 @@ struct ForceBalanceData {
   std::vector<Motion> recorded;      // for estimation, every sample
   // What the model states of a robot of one joint, kg m^2 or kg; NaN for others.
   double known_inertia = std::numeric_limits<double>::quiet_NaN();
+  // What the drive of a single joint gave while that stood still, in the recordings of the fit.
+  // Where the model has springs, weights or dry friction, too, it tells nothing.
+  StandingDrive standing;
   std::vector<bool> idle;            // joints that never move (standstill.hpp)
   Eigen::VectorXd advance;           // s, by which forces were moved, by joint; empty: none was
   std::vector<std::string> remarks;  // what was left out, a sentence each

@@ -45,18 +45,6 @@ double band_of(const Motion& piece, Index joint, double speed) {
   return std::clamp(kFlicker * noise_of(piece, joint), narrowest, kWidestBand * narrowest);
 }
 
-// The end of the samples from `first` on that stay within `band`.
-Index end_of_stay(const Motion& piece, Index joint, Index first, double band) {
-  double lowest = piece.position(first, joint), highest = lowest;
-  Index end = first;
-  for (; end < piece.samples(); ++end) {
-    lowest = std::min(lowest, piece.position(end, joint));
-    highest = std::max(highest, piece.position(end, joint));
-    if (highest - lowest > band) break;
-  }
-  return end;
-}
-
 }  // namespace
 
 std::vector<bool> idle_joints(std::span<const Motion> pieces,
@@ -93,24 +81,22 @@ Eigen::VectorXd root_mean_square_speeds(std::span<const Motion> pieces) {
   return (squares / samples).cwiseSqrt();
 }
 
+std::vector<Stay> joint_stays(const Motion& piece, Index joint, double speed) {
+  return stays(piece.time, piece.position.col(joint), band_of(piece, joint, speed), kStandingTime);
+}
+
 void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds) {
   const Index samples = piece.samples();
   piece.stands.setConstant(samples, speeds.size(), false);
   if (samples < 2) return;
   const double reach = reach_of(piece);
   for (Index j = 0; j < speeds.size(); ++j) {
-    const double band = band_of(piece, j, speeds(j));
-    for (Index t = 0; t < samples;) {
-      const Index end = end_of_stay(piece, j, t, band);
-      if (piece.time(end - 1) - piece.time(t) < kStandingTime) {
-        ++t;
-        continue;
-      }
-      Index first = t, last = end - 1;
-      while (first > 0 && piece.time(t) - piece.time(first - 1) <= reach) --first;
-      while (last + 1 < samples && piece.time(last + 1) - piece.time(end - 1) <= reach) ++last;
+    for (const Stay& stay : joint_stays(piece, j, speeds(j))) {
+      const double from = piece.time(stay.first), to = piece.time(stay.first + stay.count - 1);
+      Index first = stay.first, last = stay.first + stay.count - 1;
+      while (first > 0 && from - piece.time(first - 1) <= reach) --first;
+      while (last + 1 < samples && piece.time(last + 1) - to <= reach) ++last;
       piece.stands.col(j).segment(first, last + 1 - first).setConstant(true);
-      t = end;
     }
   }
 }

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "diagnosis/signals/standing_drive.hpp"
 
 namespace graybox {
 
@@ -27,6 +28,8 @@ inline constexpr double kIdleRange = 1e-3;
 [[nodiscard]] std::vector<bool> idle_joints(std::span<const Motion> pieces,
                                             const std::vector<bool>& is_prismatic);
 
+// Where a joint stands, without what the filter adds beside it. `speed`: root mean square.
+[[nodiscard]] std::vector<Stay> joint_stays(const Motion& piece, Eigen::Index joint, double speed);
 // Sets Motion::stands. `speeds`: root mean squares of the joints' speeds.
 void mark_standstill(Motion& piece, const Eigen::VectorXd& speeds);
 // A piece without the samples at which all joints stand, cut there; parts of fewer than 20 samples

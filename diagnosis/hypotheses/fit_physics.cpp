@@ -25,10 +25,13 @@ QuantityKind kind_of(const LawEntry& entry, const LawParameter& parameter,
   return quantity_kind(estimate.name, estimate.unit);
 }
 
-// What the model has at the place beside a law's parameter that may be an error of it.
-double stated_beside(QuantityKind kind, const LawParameter& parameter,
+// What the model has at the place beside a law's parameter that may be an error of it. A weight may
+// make a joint topple, but not beyond a clearance.
+double stated_beside(const LawEntry& entry, QuantityKind kind, const LawParameter& parameter,
                      const PhysicalContext::OfLaw* context) {
   if (parameter.range != ParameterRange::kAny) return 0.0;
+  const bool is_known = context != nullptr && std::isfinite(context->stiffness);
+  if (entry.name == "dead_zone" && !is_known) return 0.0;
   if (context == nullptr) return PhysicalQuantity::kNone;
   switch (kind) {
     case QuantityKind::kStiffness:
@@ -108,7 +111,7 @@ FittedPhysics fit_physics(std::span<const Hypothesis> hypotheses, const Physical
                                             : kind_of(*entry, entry->parameters[p], estimate);
       quantity.value = estimate.value;
       quantity.standard_error = estimate.standard_error;
-      quantity.stated = stated_beside(quantity.kind, entry->parameters[p], own);
+      quantity.stated = stated_beside(*entry, quantity.kind, entry->parameters[p], own);
       quantity.law = l;
     }
     physics.laws.push_back(std::move(trace));

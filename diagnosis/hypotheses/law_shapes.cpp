@@ -31,6 +31,11 @@ std::vector<double> transition_velocities(const MotionScale& scale) {
   for (const double share : {0.003, 0.03, 0.15}) {
     if (scale.rate(share) > 0.0) values.push_back(scale.rate(share));
   }
+  const double widest = widest_transition(scale);
+  if (scale.stands_under_force) {
+    std::erase_if(values, [&](double value) { return value > widest; });
+    if (values.empty() && widest > 0.0) values.push_back(widest);
+  }
   return values;
 }
 
@@ -217,7 +222,9 @@ LawShape asymmetric_viscous() {
 
 std::vector<LawShape> sublinear_friction(const MotionScale& scale) {
   std::vector<LawShape> shapes;
-  const double reference = scale.rate(0.9), transition = scale.rate(0.03);
+  const double reference = scale.rate(0.9);
+  double transition = scale.rate(0.03);
+  if (scale.stands_under_force) transition = std::min(transition, widest_transition(scale));
   if (!(reference > 0.0) || !(transition > 0.0)) return shapes;
   for (const double exponent : {0.2, 0.4, 0.6, 0.8}) {
     shapes.push_back(single_amplitude({1.0, exponent, reference, transition}, 0, true));

@@ -30,12 +30,21 @@ struct MotionScale {
   // Shortest wave that half of the moving samples show: four samples long at least, and slow enough
   // for what they were filtered by. Sines that are shorter resemble any rest.
   double shown_wave = 0.0;
+  // It stood still under forces that differ: dry friction that slides over gradually holds nothing.
+  bool stands_under_force = false;
 
   // Quantiles; 0 without motion.
   [[nodiscard]] double deflection(double share) const;
   [[nodiscard]] double excursion(double share) const;
   [[nodiscard]] double rate(double share) const;
 };
+
+// Friction whose transition is wider is no friction but a damper: half of the speed that nine
+// samples in ten stay below. What held a force at standstill turns much sooner.
+[[nodiscard]] inline double widest_transition(const MotionScale& scale) {
+  constexpr double kHalf = 0.5, kSoon = 0.02;
+  return (scale.stands_under_force ? kSoon : kHalf) * scale.rate(0.9);
+}
 
 struct LawShape {
   // Parameters of the laws whose sum, weighed by the amplitudes, is this law.

@@ -26,7 +26,7 @@ double lesser_way(const VectorXd& rate) {
 }
 
 void append_rate_covariates(const VectorXd& rate, std::vector<TrendCovariate>& covariates) {
-  constexpr double kSlow = 0.3;      // of the rms
+  constexpr double kSlow = 0.3;       // of the rms
   constexpr double kBothWays = 0.05;  // of the squared velocity, in the direction that has less
   const double scale = kSlow * std::sqrt(rate.squaredNorm() / static_cast<double>(rate.size()));
   if (!(scale > 0.0)) return;

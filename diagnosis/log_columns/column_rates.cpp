@@ -34,13 +34,14 @@ double distance(double factor, const std::string& position, const std::string& v
   return ratio > 0.0 ? std::max(ratio, 1.0 / ratio) : INFINITY;
 }
 
-// SI first; kinds of motion do not mix. Turns only where they are stated.
+// SI first; kinds of motion do not mix. Turns only where they are stated, or go with rpm.
 std::vector<MotionUnits> candidates(MotionKind motion, bool with_turns) {
   std::vector<MotionUnits> list;
   if (motion != MotionKind::kLinear) {
     for (const std::string position : {"rad", "deg", "turn"}) {
       for (const std::string velocity : {"rad/s", "deg/s", "rpm", "turn/s"}) {
-        if (!with_turns && (position == "turn" || velocity == "turn/s")) continue;
+        const bool has_turns = velocity == "turn/s" || (position == "turn" && velocity != "rpm");
+        if (!with_turns && has_turns) continue;
         list.push_back({position, velocity, true, false, ""});
       }
     }

@@ -184,11 +184,23 @@ void find_unit_of_time(const LogRecording& recording, const LogColumn& column, L
   }
 }
 
-// The median step, or that of the quarter of the steps that are shortest.
-double step_of_uneven(const Eigen::VectorXd& times, double median) {
-  constexpr double kMuchShorter = 0.75;  // of the median
-  const double shorter = quantile(steps_of(times), 0.25);
-  return shorter < kMuchShorter * median ? shorter : median;
+struct UnevenStep {
+  double step = 0.0;
+  const char* name = "the median step";
+};
+
+// The median step, or that of the quarter of the steps that are shortest. Where a logger writes
+// rows in bursts both say when it wrote: as many samples are taken as there are rows.
+UnevenStep step_of_uneven(const Eigen::VectorXd& times, double median) {
+  constexpr double kMuchShorter = 0.75, kBurst = 0.2;  // of the median; of a pause
+  constexpr double kPauses = 0.95;                     // of the steps are no longer
+  const Eigen::VectorXd steps = steps_of(times);
+  const double shorter = quantile(steps, 0.25), pause = quantile(steps, kPauses);
+  const bool is_shorter = shorter < kMuchShorter * median;
+  if ((is_shorter ? shorter : median) < kBurst * pause) {
+    return {steps.mean(), "the mean step, of rows in bursts"};
+  }
+  return is_shorter ? UnevenStep{shorter, "the shorter steps, of two sizes"} : UnevenStep{median};
 }
 
 double in_two_digits(double value) { return std::stod(fmt::format("{:.2g}", value)); }
@@ -293,9 +305,9 @@ LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
     time.sample_time = rounded_step(span / steps * time.seconds());
     return time;
   }
-  const double step = step_of_uneven(column.values, axis.step);
-  if (step < axis.step) time.of_step = "the shorter steps, of two sizes";
-  time.sample_time = in_two_digits(step * time.seconds());
+  const UnevenStep step = step_of_uneven(column.values, axis.step);
+  time.of_step = step.name;
+  time.sample_time = in_two_digits(step.step * time.seconds());
   return time;
 }
 

@@ -11,6 +11,7 @@
 
 #include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/hypotheses/law_trend.hpp"
+#include "diagnosis/predictor/standing_mass.hpp"
 
 namespace graybox {
 namespace {
@@ -18,6 +19,7 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+constexpr double kHeld = 0.2;    // of the forces that act: a standstill that tells of friction
 constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a spring
 
 // Simple laws win among equals (prediction_search.hpp).
@@ -107,6 +109,16 @@ bool tells_scale(const LumpedParameter& parameter) {
                              parameter.unit.find("kg") != std::string::npos);
 }
 
+bool is_rotary(const LumpedModel& model) {
+  const bool has_rotary_size =
+      std::ranges::any_of(model.parameters, [](const LumpedParameter& parameter) {
+        return parameter.unit.find("rad") != std::string::npos || parameter.unit == "kg m^2";
+      });
+  return has_rotary_size || std::ranges::any_of(model.output_units, [](const std::string& unit) {
+           return unit.starts_with("rad");
+         });
+}
+
 }  // namespace
 
 struct PredictionHypotheses::MotionAt {
@@ -136,13 +148,9 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
                                            const std::vector<std::string>& excluded)
     : data_(&data), excluded_(excluded) {
   const auto n = static_cast<Index>(model.mass_names.size());
-  rotates_ = std::ranges::any_of(model.parameters,
-                                 [](const LumpedParameter& parameter) {
-                                   return parameter.unit.find("rad") != std::string::npos ||
-                                          parameter.unit == "kg m^2";
-                                 }) ||
-             std::ranges::any_of(model.output_units,
-                                 [](const std::string& unit) { return unit.starts_with("rad"); });
+  const double held = standing_drive_of_mass(model, data).held();
+  if (held > kHeld * data.force_scale()) held_at_standstill_ = held;
+  rotates_ = is_rotary(model);
   has_known_scale_ = std::ranges::any_of(model.parameters, tells_scale);
   measures_position_ = std::ranges::any_of(model.outputs, [](const LumpedOutput& output) {
     return output.quantity == LumpedOutput::Quantity::kPosition;

@@ -42,6 +42,9 @@ class PredictionHypotheses {
   [[nodiscard]] std::optional<LawExtension> weight_like(const ExtendedLumpedModel& present,
                                                         std::size_t spring,
                                                         const Eigen::MatrixXd& motion) const;
+  // What friction held while the only mass stood still under forces that differ by much; 0: it did
+  // not. Dry friction then does not slide over gradually.
+  [[nodiscard]] double held_at_standstill() const { return held_at_standstill_; }
   // z of a fit with this law over the one without it: z_as_given() of late channels, z_between() of
   // others.
   [[nodiscard]] double z_of_law(std::size_t hypothesis, const PredictionFit& poorer,
@@ -85,6 +88,7 @@ class PredictionHypotheses {
   std::vector<Hypothesis> hypotheses_;
   std::vector<Location> locations_;
   std::vector<double> input_peaks_, input_scales_;
+  double held_at_standstill_ = 0.0;
   bool rotates_ = false;
   bool measures_position_ = false;  // some output is a position
   bool has_known_scale_ = false;    // some parameter of the model is stated as known

@@ -129,6 +129,53 @@ std::optional<Index> last_mass(const Element& spring,
   return last;
 }
 
+struct OneMass {
+  double mass = 1.0, damping = 1.0;
+};
+
+// Of the only mass, by rms of its velocity over so many samples; none where that is not measured.
+std::optional<double> velocity_within(Index samples, const LumpedModel& model,
+                                      const PredictionData& data) {
+  const VectorXd moved = motion_within(samples, data);
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    using enum LumpedOutput::Quantity;
+    const auto at = static_cast<Index>(j);
+    const double seconds = static_cast<double>(samples) * data.sample_time();
+    if (model.outputs[j].quantity == kPosition) return moved(at) / seconds;
+    if (model.outputs[j].quantity == kVelocity) return data.output_scale()(at);
+  }
+  return {};
+}
+
+bool is_free(const LumpedModel& model, bool of_mass) {
+  return std::ranges::any_of(model.parameters, [&](const LumpedParameter& parameter) {
+    return parameter.unit.starts_with("kg") == of_mass && !parameter.fixed;
+  });
+}
+
+std::optional<OneMass> sizes_by_data(const LumpedModel& model, Index horizon,
+                                     const PredictionData& data) {
+  if (!is_one_mass_alone(model) || !(model.masses(0) > 0.0)) return {};
+  const double seconds = static_cast<double>(horizon) * data.sample_time();
+  const std::optional<double> velocity = velocity_within(horizon, model, data);
+  if (!velocity || !(*velocity > 0.0) || !(seconds > 0.0)) return {};
+  const double damping =
+      is_free(model, true) ? data.force_scale() / *velocity : model.masses(0) / seconds;
+  if (!(damping > 0.0) || !std::isfinite(damping)) return {};
+  return OneMass{damping * seconds, damping};
+}
+
+// What is fixed stays. A damping of zero stays, too: the model has none.
+LumpedModel with_one_mass(const LumpedModel& model, const OneMass& sizes) {
+  std::vector<double> values;
+  for (const LumpedParameter& parameter : model.parameters) {
+    const bool stays = parameter.fixed || !(parameter.value > 0.0);
+    const bool is_mass = parameter.unit.starts_with("kg");
+    values.push_back(stays ? parameter.value : is_mass ? sizes.mass : sizes.damping);
+  }
+  return with_parameters(model, values);
+}
+
 // After a few iterations.
 double fitted_cost(const PredictionFitter& fitter, const ExtendedLumpedModel& start,
                    const PredictionData& data) {
@@ -240,6 +287,47 @@ ExtendedLumpedModel scaled_to_predict(const ExtendedLumpedModel& model, const Pr
     if (!(cost < (i == 0 || !std::isfinite(least) ? 1.0 : kMargin) * least)) continue;
     least = cost;
     best = std::move(scaled);
+  }
+  return best;
+}
+
+LumpedModel started_by_data(const LumpedModel& model, const PredictionData& all,
+                            const SampleLimit& limit, int threads) {
+  const std::optional<OneMass> sizes = sizes_by_data(model, telling_horizon(all), all);
+  if (!sizes) return model;
+  const PredictionData data = all.for_model(with_one_mass(model, *sizes), threads, limit);
+  const PredictionTask task = data.windows(telling_horizon(data));
+  if (task.counted() == 0) return model;
+  struct Start {
+    double cost = 0.0;
+    int mass = 0, damping = 0;  // steps
+  };
+  const PredictionFitter fitter(data, task, force_noise_intensities(data)[1], threads);
+  const auto model_at = [&](const Start& start) {
+    return with_one_mass(model, {sizes->mass * factor_of_step(start.mass),
+                                 sizes->damping * factor_of_step(start.damping)});
+  };
+  std::vector<Start> starts;
+  const int masses = is_free(model, true) ? kFactors : 1;
+  const int dampings = is_free(model, false) ? kFactors : 1;
+  for (int i = 0; i < masses; ++i) {
+    for (int k = 0; k < dampings; ++k) {
+      Start start{0.0, i, k};
+      const PredictionFit fit =
+          fitter.fit(as_given(model_at(start), kSearchFactor), data.output_scale(), {}, 0, false);
+      start.cost = fit.cost;
+      if (fit.usable) starts.push_back(start);
+    }
+  }
+  std::ranges::stable_sort(starts, std::less{}, &Start::cost);
+  LumpedModel best = model;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t s = 0; s < std::min<std::size_t>(kStarts, starts.size()); ++s) {
+    const LumpedModel start = model_at(starts[s]);
+    const double cost = fitted_cost(fitter, as_given(start, kSearchFactor), data);
+    if (!(cost < least)) continue;
+    least = cost;
+    best = start;
   }
   return best;
 }

@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/final_fit/final_fit.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
@@ -24,6 +25,7 @@
 #include "diagnosis/prediction_verdict/prediction_effects.hpp"
 #include "diagnosis/prediction_verdict/prediction_reasons.hpp"
 #include "diagnosis/predictor/drive_hold.hpp"
+#include "diagnosis/predictor/standing_mass.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/stop.hpp"
 #include "problems/files/yaml_field.hpp"
@@ -82,6 +84,8 @@ class DiagnosisBuilder {
     const FittedPhysics physics =
         fit_physics(from_.hypotheses->hypotheses(), context(), result_.after);
     add_speeds(physics, result_.checked);
+    add_standing(result_.checked);
+    add_holding_friction(from_.hypotheses->hypotheses(), result_);
     result_.implausible = implausibilities(physics);
     result_.interrupted = from_.findings->stopped;
     if (!result_.effects.empty()) result_.trends = from_.final->trends();
@@ -195,8 +199,18 @@ class DiagnosisBuilder {
         continue;
       }
       const auto [slowest, fastest] = std::ranges::minmax(trace.rate);
-      range.recorded.push_back({name, quantity.unit == "N" ? "m/s" : "rad/s", slowest, fastest});
+      const Eigen::Map<const VectorXd> rate(trace.rate.data(),
+                                            static_cast<Index>(trace.rate.size()));
+      range.recorded.push_back({name, quantity.unit == "N" ? "m/s" : "rad/s", slowest, fastest,
+                                slowest_lasting_speed(rate, 1)});
     }
+  }
+
+  void add_standing(CheckedRange& range) const {
+    if (from_.hypotheses->held_at_standstill() == 0.0) return;
+    const StandingDrive drive = standing_drive_of_mass(*from_.stated, *from_.data);
+    range.standing = {from_.stated->mass_names.front(), from_.stated->input_units.front(), drive,
+                      kNaN};
   }
 
   [[nodiscard]] CheckedRange checked() const {
@@ -566,10 +580,9 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
 }
 
 // What was held, what moved far, and what holds only if some force is absent, in sentences.
-void add_assumptions(const PredictionOutcome& outcome, const std::string& held,
-                     Diagnosis& diagnosis) {
-  for (const std::string& words :
-       {held, moved_words(*outcome.stated, diagnosis.after.model_parameters)}) {
+void add_assumptions(const PredictionOutcome& outcome, const LumpedModel& given,
+                     const std::string& held, Diagnosis& diagnosis) {
+  for (const std::string& words : {held, moved_words(given, diagnosis.after.model_parameters)}) {
     if (!words.empty()) diagnosis.assumptions.push_back(words);
   }
   if (diagnosis.interrupted) return;
@@ -624,66 +637,95 @@ void require_lumped(const std::filesystem::path& model) {
   }
 }
 
-// With the drive between its samples as the campaign says. `other`: filled where the motion is
-// foretold better otherwise.
-PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
-                                     const SearchOptions& options, int threads,
-                                     std::optional<HoldComparison>* other) {
-  require_lumped(model);
-  LumpedModel stated = load_lumped_model(model);
-  PredictionData data(stated, campaign, threads, kFitted);
-  const std::string held = hold_scale(data, stated);
-  PredictionData searched(stated, campaign, threads, kSearched);
-  require_windows(stated, searched, campaign);
-  const PredictionHypotheses hypotheses(stated, searched, options.excluded_laws);
-  PredictionSearchOptions search_options;
-  search_options.threads = threads;
-  search_options.proceed = options.proceed;
-  if (options.effect_limit > 0) search_options.most_laws = options.effect_limit;
+// What is asked, of which recordings.
+struct Question {
+  LumpedModel given;
+  std::string held;  // hold_scale()
+  const Campaign* campaign;
+  const SearchOptions* options;
+  int threads;
+};
+
+PredictionSearchOptions options_of_search(const Question& question) {
+  PredictionSearchOptions options;
+  options.threads = question.threads;
+  options.proceed = question.options->proceed;
+  if (question.options->effect_limit > 0) options.most_laws = question.options->effect_limit;
+  return options;
+}
+
+// What a search found, judged. `other`: filled where the motion is foretold better with the drive
+// held otherwise.
+void judge(const Question& question, const LumpedModel& stated, const PredictionData& data,
+           const PredictionHypotheses& hypotheses, PredictionFindings& findings,
+           std::optional<HoldComparison>* other, PredictionDiagnosis& result) {
+  const PredictionSearchOptions options = options_of_search(question);
+  const int threads = question.threads;
+  const FinalFit ladder(data, hypotheses, findings, threads);
+  std::optional<OtherLook> look = look_nearer(stated, data, hypotheses, options, findings, ladder);
+  if (!look) look = look_farther(stated, data, hypotheses, options, findings, ladder);
+  std::optional<OtherLook> unconfirmed;
+  if (look && !look->is_confirmed) unconfirmed = std::exchange(look, std::nullopt);
+  const FinalFit& final = look ? *look->final : ladder;
+  if (!final.found().fit.usable) return;
+  if (other != nullptr) {
+    *other = better_held(stated, data, *question.campaign, findings, final, threads);
+    if (*other) return;
+  }
+  const PredictionFindings& told = look ? *look->findings : findings;
+  const PredictionOutcome outcome{&stated, &data, &hypotheses, &told, &final};
+  result.diagnosis = DiagnosisBuilder(outcome).build();
+  if (unconfirmed) tell_unconfirmed(*unconfirmed, final, data, result.diagnosis);
+  add_assumptions(outcome, question.given, question.held, result.diagnosis);
+  doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
+  result.doubt = doubt_about(result.diagnosis, result.hypotheses);
+}
+
+// With `stated` for the model as given, from whose values all begins.
+PredictionDiagnosis diagnose_from(const LumpedModel& stated, const Question& question,
+                                  const PredictionData& all, std::optional<HoldComparison>* other) {
+  const int threads = question.threads;
+  PredictionData data = all.for_model(stated, threads, kFitted);
+  PredictionData searched = all.for_model(stated, threads, kSearched);
+  require_windows(stated, searched, *question.campaign);
+  const PredictionHypotheses hypotheses(stated, searched, question.options->excluded_laws);
   PredictionDiagnosis result{hypotheses.hypotheses(), {}, {}};
-  PredictionSearch search(searched, hypotheses, search_options);
+  PredictionSearch search(searched, hypotheses, options_of_search(question));
   try {
     limit_noise(searched, stated, threads);
     data.limit_noise(searched.noise());
-    if (!options.ignore_channel_faults) {
+    if (!question.options->ignore_channel_faults) {
       result.diagnosis.channel_faults =
           find_reversed_outputs(stated, searched, hypotheses, threads);
     }
     if (!result.diagnosis.channel_faults.empty()) {
-      refuse_channels(options, result.diagnosis);
+      refuse_channels(*question.options, result.diagnosis);
       return result;
     }
     PredictionFindings findings = search.run(stated);
-    if (findings.usable) {
-      const FinalFit ladder(data, hypotheses, findings, threads);
-      std::optional<OtherLook> look =
-          look_nearer(stated, data, hypotheses, search_options, findings, ladder);
-      if (!look) look = look_farther(stated, data, hypotheses, search_options, findings, ladder);
-      std::optional<OtherLook> unconfirmed;
-      if (look && !look->is_confirmed) unconfirmed = std::exchange(look, std::nullopt);
-      const FinalFit& final = look ? *look->final : ladder;
-      if (final.found().fit.usable) {
-        if (other != nullptr)
-          *other = better_held(stated, data, campaign, findings, final, threads);
-        if (other != nullptr && *other) return result;
-        const PredictionFindings& told = look ? *look->findings : findings;
-        const PredictionOutcome outcome{&stated, &data, &hypotheses, &told, &final};
-        result.diagnosis = DiagnosisBuilder(outcome).build();
-        if (unconfirmed) tell_unconfirmed(*unconfirmed, final, data, result.diagnosis);
-        add_assumptions(outcome, held, result.diagnosis);
-        doubt_sign(stated, data, hypotheses, final, threads, result.diagnosis);
-        result.doubt = doubt_about(result.diagnosis, result.hypotheses);
-        return result;
-      }
-    }
-    result.diagnosis = without_fit(findings, options);
+    if (findings.usable) judge(question, stated, data, hypotheses, findings, other, result);
+    const bool is_held_otherwise = other != nullptr && *other;
+    if (is_held_otherwise || !result.diagnosis.reasons.empty()) return result;
+    result.diagnosis = without_fit(findings, *question.options);
     if (!findings.stopped) result.doubt = "the model as given could not be fitted";
   } catch (const Stopped&) {
     result.diagnosis.interrupted = true;
-    result.diagnosis.reasons = verdict_reasons(result.diagnosis, options);
+    result.diagnosis.reasons = verdict_reasons(result.diagnosis, *question.options);
     result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
   }
   return result;
+}
+
+// With the drive between its samples as the campaign says.
+PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const Campaign& campaign,
+                                     const SearchOptions& options, int threads,
+                                     std::optional<HoldComparison>* other) {
+  require_lumped(model);
+  Question question{load_lumped_model(model), "", &campaign, &options, threads};
+  const PredictionData all(question.given, campaign, threads);
+  question.held = hold_scale(all, question.given);
+  const LumpedModel stated = started_by_data(question.given, all, kSearched, threads);
+  return diagnose_from(stated, question, all, other);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/evidence/trend_reason.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 
@@ -140,7 +141,10 @@ bool PredictionReasons::is_disturbance() const {
 // Noise that is read from differences may be motion, and excuses nothing; steps of an encoder do so
 // much and no more.
 double PredictionReasons::limit_of_error(Index output, double scale) const {
-  const double noise = 100.0 * kNoiseLimit * from_.data->noise()(output) / scale;
+  const double step = from_.data->rounding_step(output);
+  double deviation = from_.data->noise()(output);
+  if (!from_.data->states_noise(output) && step > 0.0) deviation = std::min(deviation, step);
+  const double noise = 100.0 * kNoiseLimit * deviation / scale;
   if (from_.data->states_noise(output)) return std::max(kHeldOutLimit, noise);
   const double most = from_.data->is_rounded(output) ? kRoundedLimit : kHeldOutLimit;
   return std::max(kHeldOutLimit, std::min(noise, most));
@@ -359,6 +363,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   add_growth(std::numeric_limits<double>::infinity(), list);
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);
+  if (auto holds = holding_reason(diagnosis.checked)) list.push_back(*std::move(holds));
   VerdictReason sizes = sizes_hold_reason(diagnosis);
   sizes.otherwise = Verdict::kAmbiguous;
   list.push_back(std::move(sizes));

@@ -79,6 +79,12 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
 
 }  // namespace
 
+bool is_one_mass_alone(const LumpedModel& model) {
+  return model.mass_names.size() == 1 && !model.has_imposed_motion() &&
+         std::ranges::all_of(model.parts,
+                             [](const Element& part) { return part.law_name == "viscous"; });
+}
+
 bool ParameterSpace::may_vanish() const { return low < 10.0 * kVanishing * scale; }
 
 double ParameterSpace::coordinate(double value) const {

@@ -66,6 +66,9 @@ struct LawExtension {
   int complexity = 0;
 };
 
+// Whether one mass that moves by itself is all that the model has besides dampers.
+[[nodiscard]] bool is_one_mass_alone(const LumpedModel& model);
+
 // `factor`: how far masses and springs may move.
 [[nodiscard]] ExtendedLumpedModel as_given(const LumpedModel& model, double factor);
 [[nodiscard]] ExtendedLumpedModel extended(const ExtendedLumpedModel& model,

@@ -323,6 +323,11 @@ PredictionData::PredictionData(const LumpedModel& model, const Campaign& campaig
                                const SampleLimit& limit)
     : PredictionData(model, reduced(model, even_data(model, campaign), limit), threads) {}
 
+PredictionData PredictionData::for_model(const LumpedModel& model, int threads,
+                                         const SampleLimit& limit) const {
+  return {model, reduced(model, problem_.data(), limit), threads};
+}
+
 PredictionData PredictionData::with_reversed(const LumpedModel& model,
                                              const std::vector<bool>& reversed, int threads) const {
   OutputErrorData data = problem_.data();

@@ -207,6 +207,42 @@ Experiment experiment_in(const YamlField& field, const Campaign& campaign) {
   return experiment;
 }
 
+// "samples 0 to 199", "samples 0 to 199 and 400 to 499", "samples 0 to 900 in 4 parts".
+std::string segment_words(const std::vector<Segment>& segments) {
+  constexpr std::size_t kListed = 2;
+  const auto words = [](const Segment& segment) {
+    return fmt::format("{} to {}", segment.first, segment.last);
+  };
+  if (segments.size() > kListed) {
+    return fmt::format("samples {} to {} in {} parts", segments.front().first, segments.back().last,
+                       segments.size());
+  }
+  return segments.size() < kListed
+             ? "samples " + words(segments.front())
+             : fmt::format("samples {} and {}", words(segments.front()), words(segments.back()));
+}
+
+// Experiments of one name are told apart by their folders, and parts of one file by their samples.
+void tell_experiments_apart(Campaign& campaign) {
+  std::vector<std::string> names;
+  for (const Experiment& experiment : campaign.experiments) names.push_back(experiment.name);
+  for (Experiment& experiment : campaign.experiments) {
+    const std::string name = experiment.name;
+    if (std::ranges::count(names, name) < 2) continue;
+    const fs::path& path = experiment.files.begin()->second;
+    const bool is_of_one_file = std::ranges::all_of(campaign.experiments, [&](const auto& other) {
+      const fs::path& others = other.files.begin()->second;
+      return others.filename() != path.filename() || others == path;
+    });
+    if (!is_of_one_file) {
+      experiment.name = path.lexically_relative(campaign.file.parent_path()).generic_string();
+      if (experiment.name.empty()) experiment.name = path.generic_string();
+    }
+    if (experiment.segments.empty()) continue;
+    experiment.name += fmt::format(" ({})", segment_words(experiment.segments));
+  }
+}
+
 // ---- the whole ----------------------------------------------------------------------------------
 
 void read_time(const YamlField& root, Campaign& campaign) {
@@ -296,6 +332,7 @@ Campaign read_campaign(const fs::path& path) {
     campaign.experiments.push_back(experiment_in(item, campaign));
   }
   if (campaign.experiments.empty()) root.at("experiments").fail("there are no experiments");
+  tell_experiments_apart(campaign);
   return campaign;
 }
 

@@ -16,7 +16,9 @@ namespace {
 using Index = Eigen::Index;
 using Values = Eigen::Ref<const Eigen::VectorXd>;
 
-constexpr double kLeftOut = 8.0;    // error of a sample left out over that between samples
+constexpr double kLeftOut = 8.0;  // error of a sample left out over that between samples
+constexpr double kLeftOutOfLine = 2.0;
+constexpr double kBeyond = 0.25, kBeyondLeftOut = 0.6;  // of the range of four samples
 constexpr double kLongStep = 3.0;   // usual steps: nothing is interpolated across
 constexpr double kUsual = 0.95;     // of the steps are no longer
 constexpr double kLongest = 1.5;    // medians
@@ -33,6 +35,22 @@ double polynomial(const Values& time, const Values& values, Index first, Index c
     sum += weight * values(i);
   }
   return sum;
+}
+
+struct Between {
+  double value = 0.0;
+  bool is_of_line = false;
+};
+
+// Between the middle two of four samples. A cubic through a burst of samples leaves all bounds in
+// the pause beside it: there the line is taken. `beyond`: as far as it may, of the four's range.
+Between between(const Values& time, const Values& values, double at, double beyond) {
+  const double cubic = polynomial(time, values, 0, 4, at);
+  const double lowest = values.minCoeff(), highest = values.maxCoeff();
+  const double margin = beyond * (highest - lowest);
+  if (cubic >= lowest - margin && cubic <= highest + margin) return {cubic};
+  const Index first = at < time(1) ? 0 : at <= time(2) ? 1 : 2;
+  return {polynomial(time, values, first, 2, at), true};
 }
 
 double deviation_of(const std::vector<SignalPiece>& pieces, Index channel) {
@@ -99,7 +117,9 @@ Eigen::VectorXd interpolated(const Values& time, const Values& values, const Val
   for (Index k = 0; k < at.size(); ++k) {
     while (after + 1 < time.size() && time(after) < at(k)) ++after;
     const Index first = std::clamp<Index>(after - count / 2, 0, time.size() - count);
-    result(k) = polynomial(time, values, first, count, at(k));
+    result(k) =
+        count < 4 ? polynomial(time, values, first, count, at(k))
+                  : between(time.segment(first, 4), values.segment(first, 4), at(k), kBeyond).value;
   }
   return result;
 }
@@ -111,14 +131,19 @@ double longest_step(const Values& steps) {
 double interpolation_error(const Values& time, const Values& values) {
   const Index size = time.size();
   if (size < 5) return 0.0;
-  double squares = 0.0;
+  double squares = 0.0, duration = 0.0;
   Eigen::Vector4d times, others;
   for (Index k = 2; k + 2 < size; ++k) {
     times << time(k - 2), time(k - 1), time(k + 1), time(k + 2);
     others << values(k - 2), values(k - 1), values(k + 1), values(k + 2);
-    squares += std::pow(polynomial(times, others, 0, 4, time(k)) - values(k), 2);
+    const Between left_out = between(times, others, time(k), kBeyondLeftOut);
+    const double seconds = time(k + 1) - time(k - 1);
+    const double error =
+        (left_out.value - values(k)) / (left_out.is_of_line ? kLeftOutOfLine : kLeftOut);
+    squares += seconds * error * error;
+    duration += seconds;
   }
-  return std::sqrt(squares / static_cast<double>(size - 4)) / kLeftOut;
+  return std::sqrt(squares / duration);
 }
 
 void resample(const PreprocessData& context, const Resample& step) {

@@ -1,11 +1,12 @@
 // Samples at other times than those recorded, by the cubic through the four nearest samples
-// (Lagrange); pieces of two or three samples by their line or parabola.
+// (Lagrange); pieces of two or three samples by their line or parabola. Where the cubic leaves the
+// range of the four by more than a quarter of it, by the line through the two beside.
 //
 // Error, for a signal that is smooth over four steps h: at most 0.56/24 h^4 |x''''|, so it falls
 // with the fourth power of the step. Noise passes through, at most 1.3 times as large. What the
 // error is on given samples is told from the samples: each is left out and interpolated from its
-// four neighbours, at twice the step, which has 7 to 16 times the error; an eighth of its rms is
-// stated. Cost: O(samples).
+// four neighbours, at twice the step, which has 7 to 16 times the error. An eighth of its rms over
+// the time is stated, and half of it where a line is taken. Cost: O(samples).
 #pragma once
 
 #include <Eigen/Core>

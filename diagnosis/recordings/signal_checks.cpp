@@ -170,9 +170,10 @@ void check_signal(const std::string& source, const Eigen::Ref<const Eigen::Vecto
     }
   } else if (const std::size_t count = clipped_samples(values); count > 0) {
     add(Severity::kWarning, "clipped",
-        fmt::format("{} of {} samples lie in flat tops at {:g} or {:g}; state the range if that is "
-                    "no limit",
-                    count, values.size(), lowest, highest));
+        fmt::format(
+            "{} of {} samples lie in flat tops at {:g} or {:g}: a sensor or drive that ends "
+            "there (state its range), or what stood still or was off",
+            count, values.size(), lowest, highest));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/evidence/search_state.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/evidence/verification.hpp"
@@ -172,6 +173,7 @@ Diagnosis diagnose(const MismatchProblem& problem, const SearchOptions& options)
     state.result.interrupted = true;
     if (!state.result.after.usable) state.result.after = state.result.before;
   }
+  add_holding_friction(problem.hypotheses(), state.result);
   state.result.reasons = verdict_reasons(state.result, options);
   state.result.verdict = verdict_of(state.result.reasons);
   return std::move(state.result);

@@ -55,6 +55,12 @@ MethodAnswer answer_by_prediction_first(MethodChoice method, const DiagnosisRequ
   if (doubts_sign(request, predicted.diagnosis, look)) {
     ReversedLook reversed = look_at_reversed_drive(*method.drive, request, campaign, look.error);
     look.was_stopped = reversed.was_stopped;
+    const bool may_be_told = !reversed.fault && !look.was_stopped && !look.answer &&
+                             leaves_all_force(predicted.diagnosis);
+    if (may_be_told) {
+      reversed = look_at_reversed_prediction(request, campaign, predicted.diagnosis);
+      look.was_stopped = reversed.was_stopped;
+    }
     if (reversed.fault) {
       refuse(*std::move(reversed.fault), request.search, predicted.diagnosis);
       return {std::move(method), std::move(predicted)};

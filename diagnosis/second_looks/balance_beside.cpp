@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/second_looks/answer_worth.hpp"
@@ -38,6 +39,8 @@ bool is_worth_more(const Diagnosis& balanced, const RigidRobotModel& drive,
                    const DiagnosisAnswer& predicted) {
   constexpr double kFar = 10.0;  // times the limit of a test
   if (!balanced.channel_faults.empty()) return true;
+  const std::optional<VerdictReason> holds = holding_reason(balanced.checked);
+  if (holds && !holds->passed) return false;
   const double short_of = shortfall_of(predicted.diagnosis);
   const bool may_be = is_of_a_machine(balanced) || !drive.channels.velocity.empty();
   const bool is_nearer = shortfall_of(balanced) < short_of;

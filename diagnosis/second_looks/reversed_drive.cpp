@@ -71,6 +71,32 @@ ReversedLook look_at_reversed_drive(const RigidRobotModel& drive, const Diagnosi
   return look;
 }
 
+ReversedLook look_at_reversed_prediction(const DiagnosisRequest& request, const Campaign& campaign,
+                                         const Diagnosis& first) {
+  constexpr double kMost = 75.0, kClearly = 0.5;  // % of the forces that act; of what was left
+  ReversedLook look;
+  Campaign turned = campaign;
+  const std::string name = turn_only_drive(turned);
+  const std::optional<double> before = force_left(first);
+  if (name.empty() || !before) return look;
+  const Diagnosis answer = answer_by_prediction(request, turned).diagnosis;
+  look.was_stopped = answer.interrupted;
+  const bool is_answer = !answer.effects.empty() && answer.channel_faults.empty() &&
+                         !answer.interrupted && excluding(answer.implausible) == 0;
+  const double after = force_left(answer).value_or(0.0);
+  if (!is_answer || !(after < kMost) || !(after < kClearly * *before)) return look;
+  ChannelFault fault = fault_of_sign(name, *before, after);
+  fault.message = fmt::format(
+      "{0} has the wrong sign, or the motion has: turned, a diagnosis by prediction error with "
+      "what "
+      "it then finds leaves {1:.3g} % of the forces that act instead of {2:.3g} % (preprocess: "
+      "[{{kind: sign, of: [{0}]}}])",
+      name, after, *before);
+  fault.measure = "force that the prediction leaves over the forces that act";
+  look.fault = std::move(fault);
+  return look;
+}
+
 void refuse(ChannelFault fault, const SearchOptions& options, Diagnosis& diagnosis) {
   Diagnosis refused;
   refused.channel_faults = {std::move(fault)};

@@ -8,8 +8,8 @@
 #include <optional>
 #include <string_view>
 
+#include "diagnosis/evidence/holding_friction.hpp"
 #include "diagnosis/verdict/law_words.hpp"
-#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {
@@ -70,19 +70,10 @@ std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
   return places;
 }
 
-// While it slides.
-double force_of(const FittedLaw& law, const std::string& name, double speed) {
-  if (name == "dahl") {
-    const auto level = std::ranges::find(law.parameters, "level", &LawParameterEstimate::name);
-    return std::copysign(level->value, speed);
-  }
-  return find_law(name, false)->make(law.values())->force(0.0, speed, {});
-}
-
 double force_at(const Place& place, std::span<const Hypothesis> hypotheses, double speed) {
   double sum = place.own_damping * speed;
   for (const FittedLaw* law : place.laws) {
-    sum += force_of(*law, hypotheses[law->hypothesis].law, speed);
+    sum += sliding_force(*law, hypotheses[law->hypothesis].law, speed);
   }
   return sum;
 }
@@ -120,10 +111,17 @@ std::string two_digits(double value) {
   return fmt::format("{:.0f}", unit * std::round(value / unit));
 }
 
-// The slowest speed of motion that goes one way; 0: it turns, or stands.
+// The slowest speed of motion that goes one way, or that lasted; 0: it turns, or stands.
 double slowest(const CheckedRange::Span& velocity) {
-  if (velocity.from * velocity.to <= 0.0) return 0.0;
-  return std::min(std::abs(velocity.from), std::abs(velocity.to));
+  if (velocity.from * velocity.to <= 0.0) return velocity.slowest;
+  return std::max(velocity.slowest, std::min(std::abs(velocity.from), std::abs(velocity.to)));
+}
+
+// "It stood still under 0 to 185 N m."
+std::string standing_words(const Diagnosis& diagnosis, const Place& place) {
+  const auto& standing = diagnosis.checked.standing;
+  if (!standing || standing->axis != place.name.substr(0, place.name.find('.'))) return "";
+  return fmt::format(" It stood still under {} at one place.", standing->drive_words());
 }
 
 std::string force_words(double forward, double backward, const std::string& unit) {
@@ -158,7 +156,8 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
                                   -force_at(place, hypotheses, -speed), is_first ? " " + unit : ""),
                       two_digits(speed), is_first ? " " + velocity->unit : "");
     }
-    lines.push_back(fmt::format("Friction of {}: {}.", place_words(place.name), curve));
+    lines.push_back(fmt::format("Friction of {}: {}.{}", place_words(place.name), curve,
+                                standing_words(diagnosis, place)));
   }
   return lines;
 }

@@ -776,7 +776,8 @@ namespace {
 void add_channel_faults(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   for (const ChannelFault& fault : diagnosis.channel_faults) {
     lines.push_back(fmt::format(
-        "{} ({} {:.3g}, without this {:.3g}). Mend it in campaign.yaml or in the model; "
+        "{} ({} {:.3g} as recorded, {:.3g} once it is mended). Mend it in campaign.yaml or in the "
+        "model; "
         "--ignore-faults searches all the same.",
         fault.statement(), fault.measure, fault.dissimilarity_before, fault.dissimilarity_after));
   }

@@ -659,6 +659,23 @@ TEST_F(LogDoubts, RowsThatWouldBeInventedAreTold) {
   EXPECT_NE(notes_of(proposal).find("interpolated"), std::string::npos);
 }
 
+// A hub that sends eight rows at once, and then pauses: at the step within a burst most samples
+// would be invented.
+TEST_F(LogDoubts, RowsInBurstsAreResampledAtTheirMean) {
+  const Axis m = axis(9000, 0.0015);
+  std::vector<double> time, position, force;
+  for (std::size_t k = 0; k < 9000; k += time.size() % 8 == 0 ? 34U : 1U) {
+    time.push_back(m.time[k]);
+    position.push_back(m.position[k]);
+    force.push_back(m.force[k]);
+  }
+  const ModelProposal proposal =
+      proposed({{"time", time}, {"position [rad]", position}, {"torque [N m]", force}});
+  EXPECT_NE(proposal.campaign_text.find("# the mean step, of rows in bursts"), std::string::npos)
+      << proposal.campaign_text;
+  EXPECT_NE(proposal.campaign_text.find("sample_time: 0.0077}"), std::string::npos);
+}
+
 TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {
   const Axis m = axis(400, 0.02), few = axis(39, 0.02);
   const auto file = [&](const std::string& name, const Axis& each) {

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <numbers>
@@ -213,6 +214,45 @@ TEST(SampleInterpolation, StatesItsError) {
     EXPECT_GT(stated, 0.7 * rms) << frequency;
     EXPECT_LT(stated, 2.0 * rms) << frequency;
   }
+}
+
+// A logger that writes four rows at once, then pauses: a cubic through a burst would leave all
+// bounds in the pause.
+TEST(SampleInterpolation, StaysWithinTheSamplesBesideABurst) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> noise(-1.0, 1.0);
+  VectorXd time(80), values(80);
+  for (Index k = 0; k < 80; ++k) {
+    time(k) = 0.05 * static_cast<double>(k / 4) + 0.001 * static_cast<double>(k % 4);
+    values(k) = noise(random);
+  }
+  const VectorXd at = VectorXd::LinSpaced(2000, time(0), time(79));
+  EXPECT_LE(interpolated(time, values, at).cwiseAbs().maxCoeff(), 1.5);
+  EXPECT_GT(interpolation_error(time, values), 0.15) << "of noise nothing is known between samples";
+}
+
+TEST_F(LogReading, PartsOfOneFileAreToldApart) {
+  const std::string channels = "channels: [{name: q, unit: rad, is: output}]\n";
+  testing::write_text(folder_.file("q.csv"), "q\n1\n2\n4\n7\n11\n16\n");
+  std::filesystem::create_directory(folder_.file("more"));
+  testing::write_text(folder_.file("more/q.csv"), "q\n1\n2\n4\n7\n11\n16\n");
+  const auto names = [&](const std::string& experiments) {
+    testing::write_text(folder_.file("parts.yaml"),
+                        "format: graybox-campaign/1\nsample_time: 0.1\n" + channels +
+                            "experiments:\n" + experiments);
+    std::vector<std::string> list;
+    for (const Experiment& each : read_campaign(folder_.file("parts.yaml")).experiments) {
+      list.push_back(each.name);
+    }
+    return list;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(names("  - {file: q.csv, segments: [[0, 2]]}\n"), Names{"q.csv"});
+  EXPECT_EQ(names("  - {file: q.csv, segments: [[0, 2]]}\n"
+                  "  - {file: q.csv, segments: [[3, 5]], role: validation}\n"),
+            (Names{"q.csv (samples 0 to 2)", "q.csv (samples 3 to 5)"}));
+  EXPECT_EQ(names("  - {file: q.csv}\n  - {file: more/q.csv, segments: [[0, 1], [3, 4]]}\n"),
+            (Names{"q.csv", "more/q.csv (samples 0 to 1 and 3 to 4)"}));
 }
 
 TEST_F(LogReading, WrongStepsAreRefusedInOneLine) {

@@ -49,6 +49,18 @@ TEST_F(FrictionWords, TakeTheSpeedsOfTheModel) {
   EXPECT_EQ(lines(), expected);
 }
 
+// A curve is told where the machine slid, and what it stood under beside it.
+TEST_F(FrictionWords, SayNothingOfSpeedsThatDidNotLast) {
+  find("coulomb", {of("level", 5.0), of("transition_velocity", 1e-4)});
+  find("viscous", {of("damping", 2.0)});
+  diagnosis_.checked.spans[0].slowest = 0.5;
+  diagnosis_.checked.standing = CheckedRange::Standing{"elbow", "N m", {-1.0, 4.0}};
+  const std::vector<std::string> expected{
+      "Friction of the arm axis of elbow: 6 N m at 0.5 rad/s, 9 at 2. It stood still under -1 to 4 "
+      "N m at one place."};
+  EXPECT_EQ(lines(), expected);
+}
+
 TEST_F(FrictionWords, HaveNoPowersOfTen) {
   find("coulomb", {of("level", 1234.0), of("transition_velocity", 1e-4)});
   const std::vector<std::string> expected{
