@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/prediction_error/unsigned_outputs.hpp"
+
 namespace graybox {
 namespace {
 
@@ -12,7 +14,8 @@ using Eigen::VectorXd;
 
 constexpr double kConstant = 10.0;  // mean of a spring's deflection over its deviation
 constexpr int kDecades = 3, kPerDecade = 2;
-constexpr double kMargin = 0.5;  // of the cost, for another factor than one
+constexpr double kAsWell = 0.95;  // of the cost: what is stated does as well
+constexpr double kMargin = 0.5;   // of the cost, for another factor than one
 constexpr int kShortIterations = 15;
 constexpr std::size_t kStarts = 3;      // that are fitted
 constexpr double kClearlyBetter = 0.5;  // of the cost
@@ -48,6 +51,7 @@ double factor_of_step(int i) {
   return std::pow(10.0, static_cast<double>(step) / kPerDecade);
 }
 constexpr int kFactors = 2 * kDecades * kPerDecade + 1;
+constexpr int kLargestFactor = kFactors - 1;  // its step
 
 // rms of what each output moves by within so many samples, in the recordings of the fit.
 VectorXd motion_within(Index samples, const PredictionData& data) {
@@ -142,7 +146,9 @@ std::optional<double> velocity_within(Index samples, const LumpedModel& model,
     const auto at = static_cast<Index>(j);
     const double seconds = static_cast<double>(samples) * data.sample_time();
     if (model.outputs[j].quantity == kPosition) return moved(at) / seconds;
-    if (model.outputs[j].quantity == kVelocity) return data.output_scale()(at);
+    const bool is_signed_speed =
+        model.outputs[j].quantity == kVelocity && !never_negative(at, data);
+    if (is_signed_speed) return data.output_scale()(at);
   }
   return {};
 }
@@ -319,9 +325,16 @@ LumpedModel started_by_data(const LumpedModel& model, const PredictionData& all,
       if (fit.usable) starts.push_back(start);
     }
   }
+  // What coasts or hardly moves, whatever the force.
+  double cost_without_force = std::numeric_limits<double>::infinity();
+  for (const Start& start : starts) {
+    const bool is_unmoved = start.mass == kLargestFactor || start.damping == kLargestFactor;
+    if (is_unmoved) cost_without_force = std::min(cost_without_force, start.cost);
+  }
   std::ranges::stable_sort(starts, std::less{}, &Start::cost);
   LumpedModel best = model;
-  double least = std::numeric_limits<double>::infinity();
+  const double stated = fitted_cost(fitter, as_given(model, kSearchFactor), data);
+  double least = std::min(kMargin * cost_without_force, kAsWell * stated);
   for (std::size_t s = 0; s < std::min<std::size_t>(kStarts, starts.size()); ++s) {
     const LumpedModel start = model_at(starts[s]);
     const double cost = fitted_cost(fitter, as_given(start, kSearchFactor), data);

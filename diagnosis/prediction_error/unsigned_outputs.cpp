@@ -23,6 +23,8 @@ bool predicts_better(const PredictionFit& without_sign, const PredictionFit& sta
          z_between(stated, without_sign) > kErrors;
 }
 
+}  // namespace
+
 bool never_negative(Index output, const PredictionData& data) {
   double least = std::numeric_limits<double>::infinity(), largest = -least;
   for (const OutputErrorRecording& recording : data.recordings()) {
@@ -32,8 +34,6 @@ bool never_negative(Index output, const PredictionData& data) {
   }
   return largest > 0.0 && least > -kBelow * largest && least < kDown * largest;
 }
-
-}  // namespace
 
 ExtendedLumpedModel with_unsigned_outputs(const ExtendedLumpedModel& start,
                                           const PredictionData& data,

@@ -19,6 +19,9 @@ namespace graybox {
 
 // `start` with rectifiers where the outputs have them, scaled to predict. Throws Stopped on
 // request.
+// Whether an output comes down to zero and never passes it: it may be read without its sign.
+[[nodiscard]] bool never_negative(Eigen::Index output, const PredictionData& data);
+
 [[nodiscard]] ExtendedLumpedModel with_unsigned_outputs(const ExtendedLumpedModel& start,
                                                         const PredictionData& data,
                                                         const PredictionHypotheses& hypotheses,

@@ -681,6 +681,12 @@ void judge(const Question& question, const LumpedModel& stated, const Prediction
   result.doubt = doubt_about(result.diagnosis, result.hypotheses);
 }
 
+void tell_interrupted(const SearchOptions& options, Diagnosis& diagnosis) {
+  diagnosis.interrupted = true;
+  diagnosis.reasons = verdict_reasons(diagnosis, options);
+  diagnosis.verdict = verdict_of(diagnosis.reasons);
+}
+
 // With `stated` for the model as given, from whose values all begins.
 PredictionDiagnosis diagnose_from(const LumpedModel& stated, const Question& question,
                                   const PredictionData& all, std::optional<HoldComparison>* other) {
@@ -709,9 +715,7 @@ PredictionDiagnosis diagnose_from(const LumpedModel& stated, const Question& que
     result.diagnosis = without_fit(findings, *question.options);
     if (!findings.stopped) result.doubt = "the model as given could not be fitted";
   } catch (const Stopped&) {
-    result.diagnosis.interrupted = true;
-    result.diagnosis.reasons = verdict_reasons(result.diagnosis, *question.options);
-    result.diagnosis.verdict = verdict_of(result.diagnosis.reasons);
+    tell_interrupted(*question.options, result.diagnosis);
   }
   return result;
 }
@@ -724,7 +728,15 @@ PredictionDiagnosis diagnose_as_held(const std::filesystem::path& model, const C
   Question question{load_lumped_model(model), "", &campaign, &options, threads};
   const PredictionData all(question.given, campaign, threads);
   question.held = hold_scale(all, question.given);
-  const LumpedModel stated = started_by_data(question.given, all, kSearched, threads);
+  LumpedModel stated = question.given;
+  try {
+    stated = started_by_data(question.given, all, kSearched, threads);
+  } catch (const Stopped&) {
+    const PredictionHypotheses hypotheses(stated, all, options.excluded_laws);
+    PredictionDiagnosis result{hypotheses.hypotheses(), {}, {}};
+    tell_interrupted(options, result.diagnosis);
+    return result;
+  }
   return diagnose_from(stated, question, all, other);
 }
 

@@ -239,8 +239,13 @@ void PredictionReasons::add_whole_held_out(const Diagnosis& diagnosis,
   for (Index j = 0; j < from_.data->output_count(); ++j) {
     limit = std::max(limit, limit_of_error(j, from_.final->found().held_out_scale(j)));
   }
-  list.push_back(test(fmt::format("{} over a whole recording, % of the signal", kHeldOutTest),
-                      error, limit, error <= limit,
+  const Index horizon = from_.final->found().horizon;
+  const std::string over =
+      horizon == 0 ? "over a whole recording"
+                   : fmt::format("{:.3g} s ahead, where the fit was judged",
+                                 static_cast<double>(horizon) * from_.data->sample_time());
+  list.push_back(test(fmt::format("{} {}, % of the signal", kHeldOutTest, over), error, limit,
+                      error <= limit,
                       "something pushes for long that no law found describes: look at when the "
                       "error begins to grow"));
 }

@@ -311,6 +311,14 @@ std::optional<std::pair<double, double>> range_elsewhere(const Eigen::VectorXd& 
   return std::pair{lowest, highest};
 }
 
+// Of several segments the one that is meant.
+std::string name_of_piece(const Experiment& experiment, const SignalPiece& piece) {
+  if (experiment.segments.size() < 2) return experiment.name;
+  const auto size = static_cast<std::size_t>(piece.time.size());
+  return fmt::format("{} (samples {} to {})", experiment.files.begin()->second.filename().string(),
+                     piece.first_sample, piece.first_sample + size - 1);
+}
+
 // Checks numbers as they were recorded; tells samples that can't be data, by channel.
 DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
                        const std::vector<ChannelColumn>& columns, const SignalPiece& piece,
@@ -320,8 +328,8 @@ DataFaults check_piece(const Campaign& campaign, const Experiment& experiment,
     const Channel& channel = campaign.channels[k];
     const auto values = piece.values.col(static_cast<Index>(k));
     const std::size_t known = recording.findings.size();
-    check_signal(fmt::format("{}: {}", experiment.name, channel.name), values, channel.range,
-                 piece.first_sample, recording.findings);
+    check_signal(fmt::format("{}: {}", name_of_piece(experiment, piece), channel.name), values,
+                 channel.range, piece.first_sample, recording.findings);
     for (std::size_t f = known; f < recording.findings.size(); ++f) {
       recording.findings[f].channel = channel.name;
     }

@@ -278,11 +278,16 @@ std::string effect_words(const FoundEffect& effect, std::span<const Hypothesis> 
                          const Diagnosis& diagnosis) {
   const bool noise_is_known = diagnosis.noise_is_known;
   const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
+  const std::string law =
+      has_no_size(effect.law)
+          ? fmt::format("Not confirmed: {}, of a size that these recordings do not tell: {}.",
+                        hypothesis_words(hypothesis), parameters_words(effect.law))
+          : fmt::format("{}: {} ({}): {}.",
+                        is_doubtful(effect, diagnosis) ? "Not confirmed" : "Found",
+                        effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
+                        parameters_words(effect.law));
   const std::string found =
-      fmt::format("{}: {} ({}): {}.", is_doubtful(effect, diagnosis) ? "Not confirmed" : "Found",
-                  effect_sentence(hypothesis, effect), hypothesis_words(hypothesis),
-                  parameters_words(effect.law)) +
-      rest_words(effect, hypotheses, diagnosis) + held_out_words(effect, diagnosis);
+      law + rest_words(effect, hypotheses, diagnosis) + held_out_words(effect, diagnosis);
   if (std::isnan(effect.bic_difference)) {
     return found + " Without it the model could not be fitted.";
   }

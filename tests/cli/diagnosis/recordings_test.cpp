@@ -286,11 +286,21 @@ TEST_F(Recordings, SeveralFilesMakeOneExperiment) {
   expect_finding(Severity::kError, "time", "at other times");
 }
 
+TEST_F(Recordings, TheSegmentThatAFindingIsOfIsNamed) {
+  std::string text = rows(100, 0.0);
+  for (int k = 100; k < 200; ++k)
+    text += std::to_string(0.001 * k) + ",1," + std::to_string(k) + "\n";
+  write_text(folder_.file("a.csv"), text);
+  write_campaign("file: a.csv", "file: a.csv, segments: [[0, 99], [100, 199]]");
+  expect_finding(Severity::kWarning, "constant", "a.csv (samples 100 to 199): u: is 1 throughout");
+}
+
 TEST_F(Recordings, ValidationOnSamplesOfTheFitIsNamed) {
   write_campaign("file: b.csv", "file: a.csv, segments: [[100, 199]]");
   const auto shared = examine_campaign(read_campaign(folder_.file("")));
   ASSERT_EQ(shared.size(), 1U);
-  EXPECT_NE(shared[0].message.find("a.csv: validation uses samples"), std::string::npos);
+  EXPECT_NE(shared[0].message.find("a.csv (samples 100 to 199): validation uses samples"),
+            std::string::npos);
   write_campaign("- {file: a.csv}\n  - {file: b.csv",
                  "- {file: a.csv, segments: [[0, 99]]}\n  - {file: a.csv, segments: [[100, 199]]");
   EXPECT_TRUE(examine_campaign(read_campaign(folder_.file(""))).empty());

@@ -12,7 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
+#include "diagnosis/second_looks/reversed_drive.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -126,6 +128,30 @@ TEST(ShortLogs, AreAnsweredAlikeWhateverIsGuessed) {
   ASSERT_TRUE(first->checked.standing);
   EXPECT_LE(first->checked.standing->drive.held(), 0.5);
   EXPECT_GT(first->checked.standing->drive.held(), 0.2);
+}
+
+// Friction that takes nearly all of a drive, which is counted the other way.
+TEST(ShortLogs, TellADriveOfTheWrongSignByPrediction) {
+  const testing::TemporaryFolder folder;
+  const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
+  const std::vector<double> levels{0.0, 0.45, 1.0, 0.0, -0.45, -1.2, 0.0, 1.5};
+  write_wheel(folder, "position", {"b"});
+  write_log(folder, "a", wheel, steps(levels, 240), "position", 1e-3, 1U);
+  write_log(folder, "b", wheel, steps({0.0, -1.0, 0.0, 1.3}, 160), "position", 1e-3, 2U);
+  DiagnosisRequest request;
+  request.model = folder.file("wheel.yaml");
+  Diagnosis first;  // that left more force than ever acted
+  first.reasons.emplace_back();
+  first.reasons.back().test = std::string(kForceTest) + " axis, % of the forces that act";
+  first.reasons.back().value = 150.0;
+  Campaign campaign = read_campaign(folder.file("campaign.yaml"));
+  EXPECT_FALSE(look_at_reversed_prediction(request, campaign, first).fault.has_value());
+  campaign.channels.front().factor = -1.0;
+  const ReversedLook look = look_at_reversed_prediction(request, campaign, first);
+  ASSERT_TRUE(look.fault.has_value());
+  EXPECT_EQ(look.fault->channels, std::vector<std::string>{"torque"});
+  EXPECT_EQ(look.fault->dissimilarity_before, 1.5);
+  EXPECT_LT(look.fault->dissimilarity_after, 0.5);
 }
 
 // A step at the beginning of a log is all that it tells of a motor that follows in three samples:

@@ -656,6 +656,22 @@ TEST_F(ForceBalance, TellsBodiesThatCanNotExist) {
   EXPECT_LT(found[0].standard_errors, 80.0);  // of the way back to what is stated
 }
 
+// A weight may make a joint topple as a spring of negative stiffness does, but not beyond a gap.
+TEST(FitPhysics, KnowsNoSpringThatPushesBeyondAClearance) {
+  for (const char* const law : {"dead_zone", "stiffness"}) {
+    const std::vector<Hypothesis> hypotheses{{"axis.arm", "", law, {}}};
+    ExtendedFit fit;
+    fit.usable = true;
+    FittedLaw& found = fit.laws.emplace_back();
+    if (std::string_view(law) == "dead_zone") {
+      found.parameters.push_back({"clearance", "rad", 0.4, 0.01});
+    }
+    found.parameters.push_back({"stiffness", "N m/rad", -0.0227, 0.0018});
+    const auto flaws = implausibilities(fit_physics(hypotheses, {}, fit));
+    EXPECT_EQ(excluding(flaws), std::string_view(law) == "dead_zone" ? 1U : 0U) << law;
+  }
+}
+
 TEST_F(ForceBalance, KeepsBodiesOfWhichNoUncertaintyIsStated) {
   const std::string heavier =
       replaced(kLiftingArm, "mass: 4, centre_of_mass: [0.2,", "mass: 4.5, centre_of_mass: [0.22,");
