@@ -58,14 +58,15 @@ void limit_noise(PredictionData& data, const LumpedModel& model, int threads);
                                              const PredictionHypotheses& hypotheses);
 
 // The only mass of a model and its damper as the recordings of the fit suggest them: an answer
-// should not depend on a guess. About d = f / v and m = d T masses and dampings are tried over three
-// decades each way. Here f and v are rms of force and velocity, and T is the first time that tells
-// motion from noise. Short fits go on from the three that predict best: that from which the best fit
-// came is the start. What is stated stays where a short fit from there does as well. It stays, too,
-// where the best leaves more than half of what a heaviest mass or strongest damper leaves, which no
-// force moves: so simple a model then tells little, as beside a spring that it lacks. What is fixed
-// stays. Other models stay, and one whose motion is not measured, or may lack its sign. Cost: 169
-// passes and four short fits. `data`: every sample; those that the fits take are thinned to `limit`.
+// should not depend on a guess. About d = f / v and m = d T masses and dampings are tried over
+// three decades each way. Here f and v are rms of force and velocity, and T is the first time that
+// tells motion from noise. Short fits go on from the three that predict best: that from which the
+// best fit came is the start. What is stated stays where a short fit from there does as well. It
+// stays, too, where the best leaves more than half of what a heaviest mass or strongest damper
+// leaves, which no force moves: so simple a model then tells little, as beside a spring that it
+// lacks. What is fixed stays. Other models stay, and one whose motion is not measured, or may lack
+// its sign. Cost: 169 passes and four short fits. `data`: every sample; those that the fits take
+// are thinned to `limit`.
 [[nodiscard]] LumpedModel started_by_data(const LumpedModel& model, const PredictionData& data,
                                           const SampleLimit& limit, int threads);
 
