@@ -137,7 +137,7 @@ struct OneMass {
   double mass = 1.0, damping = 1.0;
 };
 
-// Of the only mass, by rms of its velocity over so many samples; none where that is not measured.
+// The rms velocity of the only mass over so many samples; none where it is not measured.
 std::optional<double> velocity_within(Index samples, const LumpedModel& model,
                                       const PredictionData& data) {
   const VectorXd moved = motion_within(samples, data);

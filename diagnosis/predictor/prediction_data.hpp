@@ -76,7 +76,7 @@ class PredictionData {
   PredictionData(const LumpedModel& model, const Campaign& campaign, int threads,
                  const SampleLimit& limit = {});
 
-  // The same recordings for a model of other values, thinned as it allows.
+  // These recordings for a model of other values, thinned as it allows.
   [[nodiscard]] PredictionData for_model(const LumpedModel& model, int threads,
                                          const SampleLimit& limit) const;
   // The same with these outputs of the opposite sign.

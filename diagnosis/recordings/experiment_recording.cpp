@@ -311,7 +311,7 @@ std::optional<std::pair<double, double>> range_elsewhere(const Eigen::VectorXd& 
   return std::pair{lowest, highest};
 }
 
-// Of several segments the one that is meant.
+// The name of an experiment, with the samples of the piece where it has several segments.
 std::string name_of_piece(const Experiment& experiment, const SignalPiece& piece) {
   if (experiment.segments.size() < 2) return experiment.name;
   const auto size = static_cast<std::size_t>(piece.time.size());

@@ -25,7 +25,7 @@ struct ReversedLook {
                                                   const Campaign& campaign,
                                                   std::optional<double> error);
 
-// The same by prediction errors: a balance of a log with few samples may tell nothing. `first` left
+// This look predicts instead: a balance of a log with few samples may tell nothing. `first` left
 // more force than ever acted. A fault: turned, less than half of that is left. Of the forces that
 // act it is less than three quarters. The laws must be a machine's.
 [[nodiscard]] ReversedLook look_at_reversed_prediction(const DiagnosisRequest& request,

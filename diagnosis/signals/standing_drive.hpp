@@ -32,7 +32,7 @@ struct StandingDrive {
 
 inline constexpr double kSustained = 0.3;  // s
 
-// Of the stay whose drives differ most.
+// The drives of the stay in which they differ most.
 [[nodiscard]] StandingDrive standing_drive(const Eigen::Ref<const Eigen::VectorXd>& time,
                                            const Eigen::Ref<const Eigen::VectorXd>& drive,
                                            const std::vector<Stay>& stays);

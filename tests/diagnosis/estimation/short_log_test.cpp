@@ -88,6 +88,15 @@ std::vector<double> steps(const std::vector<double>& levels, int samples) {
   return torques;
 }
 
+// Friction of 0.5 N m beside torques up to 1.5; the second log is kept out.
+void write_wheel_with_friction(const testing::TemporaryFolder& folder) {
+  const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
+  const std::vector<double> levels{0.0, 0.45, 1.0, 0.0, -0.45, -1.2, 0.0, 1.5};
+  write_wheel(folder, "position", {"b"});
+  write_log(folder, "a", wheel, steps(levels, 240), "position", 1e-3, 1U);
+  write_log(folder, "b", wheel, steps({0.0, -1.0, 0.0, 1.3}, 160), "position", 1e-3, 2U);
+}
+
 PredictionDiagnosis diagnosed(const testing::TemporaryFolder& folder) {
   return diagnose_by_prediction(folder.file("wheel.yaml"),
                                 read_campaign(folder.file("campaign.yaml")), {}, 1);
@@ -105,12 +114,8 @@ std::vector<std::string> names_of(const PredictionDiagnosis& result) {
 // What is guessed decides nothing: of one mass alone every fit starts from what the log suggests.
 TEST(ShortLogs, AreAnsweredAlikeWhateverIsGuessed) {
   const testing::TemporaryFolder folder;
-  const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
-  const std::vector<double> levels{0.0, 0.45, 1.0, 0.0, -0.45, -1.2, 0.0, 1.5};
-  write_wheel(folder, "position", {"b"});
-  write_log(folder, "a", wheel, steps(levels, 240), "position", 1e-3, 1U);
-  write_log(folder, "b", wheel, steps({0.0, -1.0, 0.0, 1.3}, 160), "position", 1e-3, 2U);
-  std::string text = testing::read_text(folder.file("wheel.yaml"));
+  write_wheel_with_friction(folder);
+  const std::string text = testing::read_text(folder.file("wheel.yaml"));
   std::optional<Diagnosis> first;
   for (const std::string guess : {"{axis: 0.01}", "{axis: 3e-5}", "{axis: 20}"}) {
     testing::write_text(folder.file("wheel.yaml"),
@@ -133,11 +138,7 @@ TEST(ShortLogs, AreAnsweredAlikeWhateverIsGuessed) {
 // Friction that takes nearly all of a drive, which is counted the other way.
 TEST(ShortLogs, TellADriveOfTheWrongSignByPrediction) {
   const testing::TemporaryFolder folder;
-  const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
-  const std::vector<double> levels{0.0, 0.45, 1.0, 0.0, -0.45, -1.2, 0.0, 1.5};
-  write_wheel(folder, "position", {"b"});
-  write_log(folder, "a", wheel, steps(levels, 240), "position", 1e-3, 1U);
-  write_log(folder, "b", wheel, steps({0.0, -1.0, 0.0, 1.3}, 160), "position", 1e-3, 2U);
+  write_wheel_with_friction(folder);
   DiagnosisRequest request;
   request.model = folder.file("wheel.yaml");
   Diagnosis first;  // that left more force than ever acted
