@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/arguments/machine_files.hpp"
 #include "cli/arguments/threads_argument.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/output/command_line.hpp"
@@ -78,6 +79,7 @@ void print(const DiagnosisRequest& request, const DiagnosisAnswer& answer) {
 }
 
 int execute(Arguments& arguments, const Invocation& invocation) {
+  find_machine_files("diagnose", arguments.request.model, arguments.request.campaign);
   arguments.request.command = command_line(invocation.arguments);
   if (arguments.time_limit) limit_process(*arguments.time_limit);
   const DiagnosisAnswer answer = run(arguments.request);
@@ -96,11 +98,7 @@ void add_diagnose_command(CLI::App& app, Invocation& invocation) {
       "diagnose",
       "Find the physics that a model lacks, from recordings: where, what, and how sure");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("model", arguments->request.model, "model file (YAML)")->required();
-  command
-      ->add_option("campaign", arguments->request.campaign,
-                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
-      ->required();
+  add_machine_files(*command, arguments->request.model, arguments->request.campaign);
   command->add_option("-o,--output", arguments->request.report,
                       "write report.html, verdict.json, model_extended.yaml, physics.yaml and "
                       "figures into this folder");

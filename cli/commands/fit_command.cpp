@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/arguments/machine_files.hpp"
 #include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
@@ -69,8 +70,9 @@ std::string page_of(const Arguments& arguments, const FitReport& report, PageOri
   return fit_page(report, predictions, text, origin);
 }
 
-int execute(const Arguments& arguments, const Invocation& invocation) {
+int execute(Arguments& arguments, const Invocation& invocation) {
   const auto start = std::chrono::steady_clock::now();
+  find_machine_files("fit", arguments.request.model, arguments.request.campaign);
   const ModelFitRequest& request = arguments.request;
   require_fit_options(request);
   for (const std::string* file : {&arguments.output, &request.written_model, &arguments.page}) {
@@ -117,11 +119,7 @@ constexpr const char* kFitFooter =
 void add_fit_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("fit", "Estimate the parameters of a model from recordings");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("model", arguments->request.model, "model file (YAML)")->required();
-  command
-      ->add_option("campaign", arguments->request.campaign,
-                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
-      ->required();
+  add_machine_files(*command, arguments->request.model, arguments->request.campaign);
   command->add_option("-o,--output", arguments->output, "write the result to this file (JSON)");
   command->add_option("--write", arguments->request.written_model,
                       "write the model with the fitted values (lumped models, rigid robots)");

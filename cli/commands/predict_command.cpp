@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/arguments/machine_files.hpp"
 #include "cli/arguments/threads_argument.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
@@ -77,8 +78,9 @@ std::string table_of(const ModelPrediction& prediction) {
   return text;
 }
 
-int execute(const Arguments& arguments, const Invocation& invocation) {
+int execute(Arguments& arguments, const Invocation& invocation) {
   const auto start = std::chrono::steady_clock::now();
+  find_machine_files("predict", arguments.model, arguments.campaign);
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
@@ -110,12 +112,8 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand(
       "predict", "How well does a model predict recordings, as it stands? Nothing is fitted");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("model", arguments->model, "graybox-lumped/1 or graybox-rigid-robot/1 (YAML)")
-      ->required();
-  command
-      ->add_option("campaign", arguments->campaign,
-                   "graybox-campaign/1 file (YAML), or the folder of a campaign.yaml")
-      ->required();
+  add_machine_files(*command, arguments->model, arguments->campaign,
+                    "graybox-lumped/1 or graybox-rigid-robot/1 (YAML)");
   command->add_option("-o,--output", arguments->output, "write one page with curves (HTML)");
   command->add_option("--physics", arguments->physics,
                       "graybox-physics/1 files with further elements");

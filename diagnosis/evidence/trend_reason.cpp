@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <string_view>
 
 namespace graybox {
 namespace {
@@ -15,15 +16,22 @@ constexpr double kLeastOfSignal = 0.03;
 // Beyond zero the line of the trend says no more than "none".
 constexpr const char* kNone = "none";
 
+// So far beyond the parameter's own value the line is drawn out, not measured.
+constexpr double kDrawnOut = 2.0, kNearZero = 0.1;
+
 struct Course {
   std::string from, to, least, most;
 };
 
-Course course_in_words(const LawTrend& trend) {
+// "8.7", "more than 4.3" or "none".
+Course course_in_words(const LawTrend& trend, double value) {
   const bool changes_sign = trend.from * trend.to < 0.0;
   const bool is_from_smaller = std::abs(trend.from) < std::abs(trend.to);
-  const auto words = [&](double value, bool is_smaller) {
-    return changes_sign && is_smaller ? std::string(kNone) : fmt::format("{:.3g}", value);
+  const auto words = [&](double end, bool is_smaller) {
+    if (changes_sign && is_smaller) return std::string(kNone);
+    const double times = std::abs(end) / std::max(std::abs(value), 1e-300);
+    return times > kDrawnOut && times < 1.0 / kNearZero ? fmt::format("more than {:.3g}", value)
+                                                        : fmt::format("about {:.3g}", end);
   };
   Course course;
   course.from = words(trend.from, is_from_smaller);
@@ -34,19 +42,21 @@ Course course_in_words(const LawTrend& trend) {
   return course;
 }
 
-// "about 8.7 N m", or "none".
 std::string first_size(const std::string& size, const std::string& unit) {
-  return size == kNone ? size : fmt::format("about {}{}", size, unit);
+  return size == kNone ? size : size + unit;
 }
 
-// The second of two: its unit stands with the first, if that has one.
+// The second of two: its unit stands with the first, and so does "about".
 std::string second_size(const std::string& size, const std::string& first,
                         const std::string& unit) {
-  return first == kNone ? first_size(size, unit) : size;
+  constexpr std::string_view kAbout = "about ";
+  if (first == kNone) return first_size(size, unit);
+  return size.starts_with(kAbout) ? size.substr(kAbout.size()) : size;
 }
 
-std::string course_of(const LawTrend& trend, const std::string& own_unit) {
-  const Course course = course_in_words(trend);
+std::string course_of(const LawTrend& trend, const LawParameterEstimate& parameter) {
+  const Course course = course_in_words(trend, parameter.value);
+  const std::string& own_unit = parameter.unit;
   const std::string unit = own_unit == "1" || own_unit.empty() ? "" : " " + own_unit;
   const std::string from = first_size(course.from, unit),
                     to = second_size(course.to, course.from, unit);
@@ -57,8 +67,8 @@ std::string course_of(const LawTrend& trend, const std::string& own_unit) {
       return course.least == kNone || course.most == kNone
                  ? fmt::format("between none and {} along the way",
                                first_size(course.least == kNone ? course.most : course.least, unit))
-                 : fmt::format("between about {} and {}{} along the way", course.least, course.most,
-                               unit);
+                 : fmt::format("between {} and {}{} along the way", course.least,
+                               second_size(course.most, course.least, unit), unit);
     case LawTrend::On::kSpeed:
       return fmt::format("{} in fast motion, {} in slow motion", from, to);
     case LawTrend::On::kDirection:
@@ -143,8 +153,7 @@ std::vector<LawTrend> told_trends(std::span<const LawTrend> trends,
 
 std::string trend_words(const LawTrend& trend, std::span<const FoundEffect> effects) {
   const LawParameterEstimate& parameter = effects[trend.law].law.parameters[trend.parameter];
-  return fmt::format("{} of {}: {}", parameter.name, trend.law_at,
-                     course_of(trend, parameter.unit));
+  return fmt::format("{} of {}: {}", parameter.name, trend.law_at, course_of(trend, parameter));
 }
 
 }  // namespace graybox

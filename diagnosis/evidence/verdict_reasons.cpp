@@ -313,6 +313,15 @@ VerdictReason nothing_kept_out(Verdict otherwise) {
                 otherwise);
 }
 
+bool predicts_kept_out(const Diagnosis& diagnosis) {
+  if (diagnosis.noise_is_known) return diagnosis.predicts;
+  if (!diagnosis.validation_after) return false;
+  return std::ranges::none_of(diagnosis.reasons, [](const VerdictReason& reason) {
+    return has_failed(reason) && reason.test.find("kept out") != std::string::npos &&
+           !reason.test.starts_with(kSizesTest);
+  });
+}
+
 bool is_not_confirmed(const FoundEffect& effect) {
   constexpr double kMuch = 15.0, kNotSmall = 5.0;  // % of the signal
   constexpr double kHalfMore = 1.5;

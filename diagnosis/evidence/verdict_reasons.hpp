@@ -39,6 +39,10 @@ inline constexpr const char* kLateTest = "being late";
 inline constexpr const char* kForceTest = "force left at";  // and the place: % of those that act
 inline constexpr const char* kKeptOutTest = "recordings that were kept out of the fit";
 
+// Whether recordings kept out are predicted: where the noise is known, to the noise; else some were
+// kept out, and no test of their error failed.
+[[nodiscard]] bool predicts_kept_out(const Diagnosis& diagnosis);
+
 // Where the noise is not known, what was found is not sure before recordings that were kept out of
 // the fit have tested it.
 [[nodiscard]] VerdictReason nothing_kept_out(Verdict otherwise = Verdict::kAmbiguous);

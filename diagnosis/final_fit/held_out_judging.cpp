@@ -16,8 +16,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kSeenSamples = 200;  // of a recording kept out, before it runs free
-constexpr double kStands = 3.0;      // noises, of what is kept out
+constexpr double kStands = 3.0;  // noises, of what is kept out
 
 // The relative standard error of each output's mean square, by blocks.
 Eigen::ArrayXd relative_errors(const LastFit& last, const PredictionFit& fit) {
@@ -39,7 +38,7 @@ Eigen::ArrayXd relative_errors(const LastFit& last, const PredictionFit& fit) {
 }  // namespace
 
 PredictionTask held_out_task(const LastFit& last, const PredictionTask& task) {
-  return task.is_free() ? last.data->free_after(kSeenSamples, ExperimentRole::kValidation)
+  return task.is_free() ? last.data->free_after_start(ExperimentRole::kValidation)
                         : last.data->windows(task.horizon, ExperimentRole::kValidation);
 }
 
@@ -119,8 +118,8 @@ std::optional<HeldOutGrowth> growth_kept_out(const LastFit& last, const Unmodell
   const Index horizon = last.findings->has_free_run || !ahead ? 0 : *ahead;
   if (horizon == 0 && !last.findings->has_free_run) return {};
   const auto errors = [&](ExperimentRole role, VectorXd& error) -> std::optional<Eigen::ArrayXd> {
-    const PredictionTask task = horizon == 0 ? last.data->free_after(kSeenSamples, role)
-                                             : last.data->windows(horizon, role);
+    const PredictionTask task =
+        horizon == 0 ? last.data->free_after_start(role) : last.data->windows(horizon, role);
     const PredictionFitter run = last.fitter(task);
     const PredictionFit fit = run.fit(last.found.fit.model, last.weights, {}, 0, false);
     if (!fit.usable || task.counted() == 0) return {};

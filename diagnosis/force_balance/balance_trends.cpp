@@ -67,9 +67,9 @@ class BalanceTrends {
       for (const TrendCovariate& with : covariates) {
         const Trend found = trend(columns_.col(model_ + static_cast<Index>(k)), with.values);
         if (std::abs(found.z) <= std::abs(most.z)) continue;
-        const double value = law.parameters[column.parameter], half = 0.5 * found.slope;
-        most = {l,  column.parameter, with.on, value - half, value + half, found.z,
-                {}, found.of_signal};
+        const TrendEnds ends =
+            trend_ends(law.parameters[column.parameter], found.slope, with.values);
+        most = {l, column.parameter, with.on, ends.from, ends.to, found.z, {}, found.of_signal};
       }
     }
     return most;

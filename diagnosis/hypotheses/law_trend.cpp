@@ -10,6 +10,12 @@ namespace graybox {
 using Eigen::Index;
 using Eigen::VectorXd;
 
+TrendEnds trend_ends(double value, double slope, const VectorXd& covariate) {
+  const double mean = covariate.mean();
+  return {value + slope * (covariate.minCoeff() - mean),
+          value + slope * (covariate.maxCoeff() - mean)};
+}
+
 void append_position_covariates(const VectorXd& position, std::vector<TrendCovariate>& covariates) {
   const double low = position.minCoeff(), range = position.maxCoeff() - low;
   if (!(range > 0.0)) return;

@@ -30,6 +30,12 @@ struct TrendCovariate {
   Eigen::VectorXd values;
 };
 
+// The parameter where what it changes with is least and most, on a line through `value` at the mean.
+struct TrendEnds {
+  double from = 0.0, to = 0.0;
+};
+[[nodiscard]] TrendEnds trend_ends(double value, double slope, const Eigen::VectorXd& covariate);
+
 // A line and a wave over the way that was gone; none where nothing moves.
 void append_position_covariates(const Eigen::VectorXd& position,
                                 std::vector<TrendCovariate>& covariates);

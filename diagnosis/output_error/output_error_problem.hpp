@@ -43,6 +43,7 @@ struct OutputErrorData {
   Eigen::VectorXd noise;  // standard deviation of each output; 0: not known
   std::vector<OutputErrorRecording> recordings;
   std::vector<std::string> remarks = {};  // what was changed in the recordings, file first
+  Eigen::Index thinned_by = 1;            // one of so many recorded samples is here
 };
 
 // Inputs and outputs are the channels of these names. Throws InputError for a channel that is not

@@ -12,7 +12,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kSeenSamples = 200;  // before a recording runs free
 constexpr int kStartIterations = 50;
 
 VectorXd deviations_of(const MatrixXd& values) {
@@ -45,7 +44,7 @@ class OutputPrediction {
  private:
   [[nodiscard]] PredictionTask task_of(Index horizon, ExperimentRole role) const {
     const bool has_seen = horizon == 0 && result_.start == FreeRunStart::kMeasured;
-    return has_seen ? data_.free_after(kSeenSamples, role) : data_.windows(horizon, role);
+    return has_seen ? data_.free_after_start(role) : data_.windows(horizon, role);
   }
   // Of the initial state alone, where it is estimated: the parameters stay.
   [[nodiscard]] PredictionFit fit(const PredictionTask& task) const {

@@ -353,7 +353,9 @@ std::string moved_words(const LumpedModel& stated,
                          parameter.name, parameter.value, value,
                          error > 0.0 ? fmt::format(" ± {:.2g}", error) : "", parameter.unit);
   }
-  return words.empty() ? words : "The fit moved far from what the model states: " + words + ".";
+  if (words.empty()) return words;
+  return "The fit moved far from what the model states: " + words +
+         ". If that was measured, look at units and gains; if it was a guess, it was a poor one.";
 }
 
 // A plant that does not forget is searched over windows only.

@@ -101,9 +101,8 @@ std::vector<LawTrend> law_trends(const PredictionTask& task, Index outputs,
       for (const TrendCovariate& with : covariates) {
         const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
         if (std::abs(trend.z) <= std::abs(most.z)) continue;
-        const double half = 0.5 * unit * trend.slope;
-        most = {l,       fit.free[i] - first, with.on, value - half, value + half, trend.z, law_at,
-                kUnknown};
+        const TrendEnds ends = trend_ends(value, unit * trend.slope, with.values);
+        most = {l, fit.free[i] - first, with.on, ends.from, ends.to, trend.z, law_at, kUnknown};
       }
     }
     trends.push_back(most);

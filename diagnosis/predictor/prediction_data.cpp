@@ -208,6 +208,7 @@ OutputErrorData reduced(const LumpedModel& model, OutputErrorData data, const Sa
     if (!may) continue;
     for (OutputErrorRecording& recording : data.recordings) thin(factor, data.hold, recording);
     data.hold = InputHold::kZero;
+    data.thinned_by *= factor;
     break;
   }
   if (limit.may_cut) cut(most, data);
@@ -480,7 +481,8 @@ Index PredictionData::first_horizon() const {
   return horizon;
 }
 
-PredictionTask PredictionData::free_after(Index seen, ExperimentRole role) const {
+PredictionTask PredictionData::free_after_start(ExperimentRole role) const {
+  const Index seen = std::max<Index>(1, kSeenBeforeFreeRun / problem_.data().thinned_by);
   PredictionTask task = windows(0, role);
   for (PredictionRun& run : task.runs) {
     task.horizon = std::max(task.horizon, run.samples);

@@ -70,6 +70,9 @@ struct SampleLimit {
   bool may_cut = true;    // what can't be thinned is cut to its first samples
 };
 
+// Recorded samples from which the state is told before a recording runs free: at most half of it.
+inline constexpr Eigen::Index kSeenBeforeFreeRun = 200;
+
 class PredictionData {
  public:
   // Throws InputError for what load_output_error_data refuses and for times that are not even.
@@ -136,8 +139,8 @@ class PredictionData {
   // How far ahead a search begins: ten samples, or as many as leave ten windows, three at least.
   [[nodiscard]] Eigen::Index first_horizon() const;
 
-  // Free run after so many samples that the predictor sees.
-  [[nodiscard]] PredictionTask free_after(Eigen::Index seen, ExperimentRole role) const;
+  // Free run after the first kSeenBeforeFreeRun recorded samples, which the predictor sees.
+  [[nodiscard]] PredictionTask free_after_start(ExperimentRole role) const;
   [[nodiscard]] PredictionTask windows(Eigen::Index horizon,
                                        ExperimentRole role = ExperimentRole::kEstimation) const;
 

@@ -22,6 +22,20 @@ struct SpringStart {
   std::string reason;
 };
 
+// Whether what is driven never comes back by more than a little of its way.
+bool goes_one_way(const Eigen::ArrayXd& rate) {
+  constexpr double kBack = 0.05;  // of the way
+  double place = 0.0, most = 0.0, least = 0.0, back = 0.0, forth = 0.0;
+  for (const double each : rate) {
+    place += each;
+    most = std::max(most, place);
+    least = std::min(least, place);
+    back = std::max(back, most - place);
+    forth = std::max(forth, place - least);
+  }
+  return std::min(back, forth) <= kBack * (most - least);
+}
+
 class MassModel {
  public:
   MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
@@ -132,14 +146,13 @@ class MassModel {
 
   // Where the motion goes one way, a drive against it tells no sign: a load does the same.
   void note_braking() {
-    constexpr double kBack = 0.02, kMostly = 0.75;  // of the squares; of the samples
+    constexpr double kMostly = 0.75;  // of the samples
     const Eigen::VectorXd place = motion(0), drive = force();
     const Eigen::Index n = place.size(), over = std::max<Eigen::Index>(1, n / 200);
     if (n != drive.size() || n <= 2 * over) return;
     Eigen::ArrayXd rate = place.array().tail(n - over);
     if (!machine_.motions[0].is_velocity) rate -= place.array().head(n - over);
-    const double forwards = rate.max(0.0).square().sum(), backwards = rate.min(0.0).square().sum();
-    if (std::min(forwards, backwards) > kBack * (forwards + backwards)) return;
+    if (!goes_one_way(rate)) return;
     const Eigen::ArrayXd power = drive.array().tail(n - over) * rate;
     const auto braking = static_cast<double>((power < 0.0).count());
     const auto acting = static_cast<double>((power != 0.0).count());  // the drive, on what moves

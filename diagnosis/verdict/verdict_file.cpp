@@ -469,7 +469,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
       {"interrupted", diagnosis.interrupted},
       {"noise_is_known", diagnosis.noise_is_known},
       {"verified", diagnosis.verified},
-      {"predicts_kept_out", diagnosis.predicts},
+      {"predicts_kept_out", predicts_kept_out(diagnosis)},
       {"rivals_weighed", diagnosis.rivals_weighed},
       {"remaining_structure",
        diagnosis.remaining_structure ? number(*diagnosis.remaining_structure) : Json(nullptr)},

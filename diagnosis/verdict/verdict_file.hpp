@@ -59,9 +59,10 @@
 // The field `passed` is null where a test could not be asked, and `not_tested` says why. The field
 // `next` is there where it failed. The `held_out_gain` is the share of the squared error over the
 // noise that a law takes from recordings kept out. The field `nonlinear` says that a law that is
-// not linear was found; it is null where none was. Numbers that are not known are null. The flag
-// `predicts_kept_out` is false where recordings kept out are predicted within the errors of the
-// fitted parameters only. Of an alternative, `on_few_recordings` is true where few of many
+// not linear was found; it is null where none was. Numbers that are not known are null. Where the
+// noise is known, the flag `predicts_kept_out` is false if recordings kept out are predicted within
+// the errors of the fitted parameters only. Where it is not, the flag is false if none were kept
+// out, or a test of their error failed. Of an alternative, `on_few_recordings` is true where few of many
 // recordings excluded the law. The flag `contradicted` is true where recordings kept out excluded
 // it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
 // to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the

@@ -73,6 +73,23 @@ std::string loose_mass(const Diagnosis& diagnosis) {
   return flaw == diagnosis.implausible.end() ? "" : flaw->quantity;
 }
 
+// The headline where no test saw that something is missing, and not all of them passed.
+std::string undetected_words(const Diagnosis& diagnosis) {
+  constexpr double kMuch = 15.0;  // % of the signal
+  const bool is_kept_out = diagnosis.validation_after.has_value();
+  const double error =
+      is_kept_out ? diagnosis.validation_after->nrmse : diagnosis.after.estimation.nrmse;
+  if (!diagnosis.noise_is_known && error > kMuch) {
+    return fmt::format(
+        "The model misses {:.2g} % of the signal{}, and these recordings do not tell whether that "
+        "is noise, a disturbance or missing physics.",
+        error, is_kept_out ? " in recordings kept out" : "");
+  }
+  if (fails(diagnosis, kKeptOutTest))
+    return "Nothing was seen to be missing, but no recordings were kept out to test that.";
+  return "Nothing was seen to be missing, but not every test of that was passed.";
+}
+
 bool has_told_trend(const Diagnosis& diagnosis) {
   return !told_trends(diagnosis.trends, diagnosis.effects).empty();
 }
@@ -111,6 +128,7 @@ std::string ambiguity_words(const Diagnosis& diagnosis) {
 }  // namespace
 
 std::string headline(const Diagnosis& diagnosis) {
+  const bool is_without_findings = diagnosis.effects.empty() && diagnosis.late_channels.empty();
   switch (diagnosis.verdict) {
     case Verdict::kNone:
       return "Nothing is missing that these recordings could show.";
@@ -136,24 +154,19 @@ std::string headline(const Diagnosis& diagnosis) {
   if (diagnosis.time_variation) {
     return "Something changes while it is recorded, and more is missing than what was found.";
   }
-  if (!diagnosis.detection.detected && fails(diagnosis, kKeptOutTest)) {
-    return "Nothing was seen to be missing, but no recordings were kept out to test that.";
-  }
-  if (!diagnosis.detection.detected && diagnosis.effects.empty() &&
-      diagnosis.late_channels.empty()) {
-    return "Nothing was seen to be missing, but not every test of that was passed.";
-  }
+  if (!diagnosis.detection.detected && (is_without_findings || fails(diagnosis, kKeptOutTest)))
+    return undetected_words(diagnosis);
   if (has_no_confirmed_law(diagnosis)) return unconfirmed_words(diagnosis);
   if (const std::string loose = loose_mass(diagnosis); !loose.empty()) {
     return fmt::format("The recordings do not determine {}, so they can't tell what is missing.",
                        loose);
   }
-  if (diagnosis.effects.empty() && diagnosis.late_channels.empty() && diagnosis.verified) {
+  if (is_without_findings && diagnosis.verified) {
     return "The model as it is predicts about as well as it fits; it leaves a little that no law "
            "of "
            "the catalogue explains.";
   }
-  if (diagnosis.effects.empty() && diagnosis.late_channels.empty())
+  if (is_without_findings)
     return diagnosis.may_be_disturbed
                ? "Something acts that the model does not have, and no law of the catalogue "
                  "explains it: a disturbance, or missing physics."

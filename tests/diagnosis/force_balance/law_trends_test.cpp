@@ -155,7 +155,19 @@ TEST(LawTrends, BeyondZeroALineSaysNoMoreThanNone) {
   const LawTrend trend{0, 0, LawTrend::On::kSpeed, -0.1, 0.7, -7.0, "coulomb at axis"};
   const std::array effects{effect};
   EXPECT_EQ(trend_words(trend, effects),
-            "level of coulomb at axis: none in fast motion, about 0.7 N in slow motion");
+            "level of coulomb at axis: none in fast motion, more than 0.3 N in slow motion");
+  const LawTrend wave{0, 0, LawTrend::On::kPosition, 0.2, 0.4, 9.0, "coulomb at axis"};
+  EXPECT_EQ(trend_words(wave, effects),
+            "level of coulomb at axis: between about 0.2 and 0.4 N along the way");
+}
+
+// The line goes through the parameter's value at the mean, wherever between the ends that is.
+TEST(LawTrends, EndWhereTheCovariateEnds) {
+  Eigen::VectorXd mostly_fast = Eigen::VectorXd::Zero(10);
+  mostly_fast(3) = 1.0;
+  const TrendEnds ends = trend_ends(5.0, 2.0, mostly_fast);
+  EXPECT_NEAR(ends.from, 4.8, 1e-12);
+  EXPECT_NEAR(ends.to, 6.8, 1e-12);
 }
 
 // A run-down has one way, and says nothing of the other.

@@ -548,6 +548,16 @@ TEST_F(LogDoors, ADriveAgainstItsMotionIsTold) {
   const ModelProposal proposal = proposed(
       table_of({{"time [s]", time}, {"voltage [V]", voltage}, {"velocity [rad/s]", speed}}));
   EXPECT_TRUE(says(proposal, "acts against the motion, which goes one way")) << all_of(proposal);
+  // A boom that a weight pulls down and that comes back slowly goes both ways.
+  for (VectorXd* const values : {&time, &voltage, &speed}) values->conservativeResize(345);
+  for (Index k = 300; k < 345; ++k) {
+    time(k) = 0.02 * static_cast<double>(k);
+    voltage(k) = -9.0;
+    speed(k) = -2.3;
+  }
+  const ModelProposal both = proposed(
+      table_of({{"time [s]", time}, {"voltage [V]", voltage}, {"velocity [rad/s]", speed}}));
+  EXPECT_FALSE(says(both, "which goes one way")) << all_of(both);
 }
 
 // Millimetres that are called metres make an axis that few have; so do milliseconds called seconds.

@@ -593,6 +593,31 @@ TEST(VerdictWords, DoNotCallPhysicsMissingWhereNothingWasSeen) {
   diagnosis.verdict = Verdict::kUnknown;
   EXPECT_EQ(headline(diagnosis),
             "Nothing was seen to be missing, but not every test of that was passed.");
+  // A third of the signal is no noise that anybody knows of.
+  diagnosis.validation_after = Assessment{};
+  diagnosis.validation_after->nrmse = 31.0;
+  EXPECT_EQ(headline(diagnosis),
+            "The model misses 31 % of the signal in recordings kept out, and these recordings do "
+            "not tell whether that is noise, a disturbance or missing physics.");
+  diagnosis.noise_is_known = true;
+  EXPECT_TRUE(headline(diagnosis).starts_with("Nothing was seen to be missing"));
+}
+
+// Where the noise is not known, what is foretold badly is not called predicted.
+TEST(VerdictFile, PredictsWhatIsKeptOutOnlyIfItsTestsPassed) {
+  Diagnosis diagnosis = explained();
+  diagnosis.noise_is_known = false;
+  const auto predicts = [&] {
+    return verdict_json(diagnosis, kHypotheses, {"m", "c"}).at("predicts_kept_out").get<bool>();
+  };
+  diagnosis.validation_after.reset();
+  EXPECT_FALSE(predicts());  // nothing was kept out
+  diagnosis.validation_after = Assessment{};
+  EXPECT_TRUE(predicts());
+  diagnosis.reasons = {{"error kept out over that of the fit", 3.0, 1.5, false, false}};
+  EXPECT_FALSE(predicts());
+  diagnosis.reasons = {{"other explanations that are not excluded", 1.0, 0.0, false, false}};
+  EXPECT_TRUE(predicts());
 }
 
 // A delay of the only actuator or of the only sensor: one system, two places.

@@ -1,0 +1,23 @@
+// The two files that commands on a machine read: its model, and the campaign of its recordings.
+//
+//   add_machine_files(*command, request.model, request.campaign);
+//   ...
+//   find_machine_files("diagnose", request.model, request.campaign);
+//
+// A folder that `graybox model` wrote stands for both. A log or a URDF is neither: the line that
+// refuses it names the command that makes both from it.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace graybox::cli {
+
+void add_machine_files(CLI::App& command, std::string& model, std::string& campaign,
+                       const std::string& model_words = "model file (YAML)");
+
+// `command`: the name of the command that asks. Throws InputError where a file is missing, or is
+// none of these two.
+void find_machine_files(const std::string& command, std::string& model, std::string& campaign);
+
+}  // namespace graybox::cli
