@@ -8,6 +8,7 @@
 #include <numeric>
 #include <set>
 
+#include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
 #include "diagnosis/responses/distortion.hpp"
 #include "diagnosis/verdict/error_places.hpp"
