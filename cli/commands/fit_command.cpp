@@ -70,9 +70,8 @@ std::string page_of(const Arguments& arguments, const FitReport& report, PageOri
   return fit_page(report, predictions, text, origin);
 }
 
-int execute(Arguments& arguments, const Invocation& invocation) {
+int execute(const Arguments& arguments, const Invocation& invocation) {
   const auto start = std::chrono::steady_clock::now();
-  find_machine_files("fit", arguments.request.model, arguments.request.campaign);
   const ModelFitRequest& request = arguments.request;
   require_fit_options(request);
   for (const std::string* file : {&arguments.output, &request.written_model, &arguments.page}) {
@@ -161,8 +160,10 @@ void add_fit_command(CLI::App& app, Invocation& invocation) {
   add_time_limit(*command, OnStop::kHandsOverInTime);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(kFitFooter);
-  command->callback(
-      [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
+  command->callback([arguments, &invocation] {
+    find_machine_files("fit", arguments->request.model, arguments->request.campaign);
+    invocation.exit_code = execute(*arguments, invocation);
+  });
 }
 
 }  // namespace graybox::cli

@@ -78,9 +78,8 @@ std::string table_of(const ModelPrediction& prediction) {
   return text;
 }
 
-int execute(Arguments& arguments, const Invocation& invocation) {
+int execute(const Arguments& arguments, const Invocation& invocation) {
   const auto start = std::chrono::steady_clock::now();
-  find_machine_files("predict", arguments.model, arguments.campaign);
   const Campaign campaign = read_campaign(arguments.campaign);
   if (!arguments.output.empty()) require_writable(arguments.output);
   catch_interrupts();
@@ -132,8 +131,10 @@ void add_predict_command(CLI::App& app, Invocation& invocation) {
       "  graybox predict docs/examples/fit/drive/motor.yaml docs/examples/fit/drive\n"
       "  graybox predict report/model_extended.yaml campaign/ -o prediction.html\n"
       "  graybox predict drive.yaml campaign/ --initial-state free    (as models are compared)");
-  command->callback(
-      [arguments, &invocation] { invocation.exit_code = execute(*arguments, invocation); });
+  command->callback([arguments, &invocation] {
+    find_machine_files("predict", arguments->model, arguments->campaign);
+    invocation.exit_code = execute(*arguments, invocation);
+  });
 }
 
 }  // namespace graybox::cli

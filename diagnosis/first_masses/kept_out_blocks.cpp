@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -128,6 +129,35 @@ double told_by_each(const Added& added, Index blocks) {
     return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(share).eigenvalues().minCoeff();
   };
   return std::max(0.0, std::min(least(fitted), least(kept)));
+}
+
+// How often a drive goes from one of two levels to the other; none: it has more than two.
+std::optional<int> switches_of(const VectorXd& drive) {
+  constexpr double kConstant = 0.02;  // of the largest
+  constexpr double kLevel = 0.25;     // of the range, about each level
+  constexpr double kBetween = 0.02;   // of the samples
+  const double low = drive.minCoeff(), range = drive.maxCoeff() - low;
+  if (range <= kConstant * drive.cwiseAbs().maxCoeff()) return 0;
+  Index between = 0;
+  int switches = 0, level = -1;
+  for (const double value : drive) {
+    const double share = (value - low) / range;
+    const int here = share < kLevel ? 0 : share > 1.0 - kLevel ? 1 : -1;
+    if (here < 0) ++between;
+    if (here >= 0 && level >= 0 && here != level) ++switches;
+    if (here >= 0) level = here;
+  }
+  if (static_cast<double>(between) > kBetween * static_cast<double>(drive.size())) return {};
+  return switches;
+}
+
+// One step, one pulse, or a drive that is switched on before the log begins: what follows is one
+// transient, and a part of it foretells no other.
+bool is_one_transient(const VectorXd& drive, const Added& added) {
+  constexpr int kPulse = 2;  // switches, and turns of the motion
+  if (!(drive.cwiseAbs().maxCoeff() > 0.0) || added.turns > kPulse) return false;
+  const std::optional<int> switches = switches_of(drive);
+  return switches && *switches <= kPulse;
 }
 
 bool goes_both_ways(const Added& added) {
@@ -290,6 +320,11 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   if (drive.size() != motion.size() || drive.size() < 2 * kFewestOfBlock) return split;
   const Added added = added_by(drive, motion, is_velocity);
   if (!(added.motion.sum() > 0.0)) return split;
+  if (is_one_transient(drive, added)) {
+    split.reason = "the drive makes one step or pulse";
+    split.is_fair = false;
+    return split;
+  }
   split.reason = reason_against_halves(added);
   if (split.reason.empty()) return split;
   const std::vector<SplitTrial> trials = fair_splits(added);

@@ -11,7 +11,10 @@
 // where one half hardly tells a mass, viscous and dry friction and a constant apart (steady
 // motion): it has less than a fiftieth of what the log tells of one of them, or of a combination.
 //
-// Then the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
+// A log of one transient is not split: its drive goes once from one level to another, or there and
+// back, or stays at one, and the motion turns round twice at most.
+//
+// Else the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
 // a fifth of both squares and of the way, crossings alike within a half, and a fiftieth of what the
 // log tells. The fewest blocks are taken that tell a quarter of what the best do. Blocks have 40
 // samples at least, and 250 where the axis turns round only once or twice, and not between halves.

@@ -210,7 +210,7 @@ class MassCampaign {
                 blocks_.reason + ", so halves would not be alike");
     } else if (!blocks_.is_fair) {
       add_guess(proposal_, "kept out", "nothing",
-                blocks_.reason + ", and no split gives each part its share");
+                blocks_.reason + ", so no split gives each part its share");
       proposal_.notes.push_back(
           "nothing is kept out, so nothing will test what is found: record "
           "another run and give both logs");
