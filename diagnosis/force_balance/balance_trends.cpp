@@ -65,10 +65,12 @@ class BalanceTrends {
       if (column.law != l || std::ranges::count(asked, column.parameter) == 0) continue;
       if (!is_seen_[static_cast<std::size_t>(model_) + k]) continue;
       for (const TrendCovariate& with : covariates) {
-        const Trend found = trend(columns_.col(model_ + static_cast<Index>(k)), with.values);
+        const Eigen::VectorXd own = columns_.col(model_ + static_cast<Index>(k));
+        const ToldRange range(with.values, told(own));
+        if (!range.is_wide()) continue;
+        const Trend found = trend(own, with.values);
         if (std::abs(found.z) <= std::abs(most.z)) continue;
-        const TrendEnds ends =
-            trend_ends(law.parameters[column.parameter], found.slope, with.values);
+        const ToldRange::Ends ends = range.ends(law.parameters[column.parameter], found.slope);
         most = {l, column.parameter, with.on, ends.from, ends.to, found.z, {}, found.of_signal};
       }
     }
@@ -79,6 +81,13 @@ class BalanceTrends {
   struct Trend {
     double slope = 0.0, z = 0.0, of_signal = 0.0;
   };
+
+  // What each sample adds to the information on a parameter of this column.
+  [[nodiscard]] Eigen::VectorXd told(const Eigen::VectorXd& column) const {
+    const Eigen::Map<const Eigen::MatrixXd> own(column.data(), rows_.samples(),
+                                                rows_.coordinates());
+    return own.rowwise().squaredNorm();
+  }
 
   [[nodiscard]] Trend trend(const Eigen::VectorXd& column, const Eigen::VectorXd& covariate) const {
     const Index samples = rows_.samples(), coordinates = rows_.coordinates();

@@ -352,6 +352,23 @@ std::unique_ptr<MismatchProblem> force_balance_problem(const std::filesystem::pa
   return std::make_unique<ForceBalanceProblem>(read({}, 0.0), options, read);
 }
 
+namespace {
+
+// A constant is foretold by a friction or an offset of its size, whatever moves.
+void require_changing_drive(const ForceBalanceData& data, const Campaign& campaign) {
+  constexpr double kConstant = 0.02;  // of its rms
+  const Eigen::MatrixXd& force = data.estimation.measured;
+  const Eigen::MatrixXd about_mean = force.rowwise() - force.colwise().mean();
+  const double mean = force.mean();
+  if (!(about_mean.norm() < kConstant * force.norm())) return;
+  throw InputError(fmt::format(
+      "{}: the drive is about {:.3g} throughout, and a balance of forces would foretell that by a "
+      "friction: say --method prediction_error, or record a drive that changes",
+      campaign.file.string(), mean));
+}
+
+}  // namespace
+
 std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& drive,
                                                        const Campaign& campaign,
                                                        const ForceBalanceOptions& options) {
@@ -373,7 +390,9 @@ std::unique_ptr<MismatchProblem> drive_balance_problem(const RigidRobotModel& dr
     name_as_lumped(data);
     return data;
   };
-  return std::make_unique<ForceBalanceProblem>(read({}, 0.0), options, read);
+  ForceBalanceData data = read({}, 0.0);
+  require_changing_drive(data, campaign);
+  return std::make_unique<ForceBalanceProblem>(std::move(data), options, read);
 }
 
 }  // namespace graybox

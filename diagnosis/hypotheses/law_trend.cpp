@@ -10,10 +10,28 @@ namespace graybox {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-TrendEnds trend_ends(double value, double slope, const VectorXd& covariate) {
-  const double mean = covariate.mean();
-  return {value + slope * (covariate.minCoeff() - mean),
-          value + slope * (covariate.maxCoeff() - mean)};
+ToldRange::ToldRange(const VectorXd& covariate, const VectorXd& told) {
+  constexpr double kTold = 0.01;  // of what the sample tells that tells most
+  const double all = told.sum(), most = told.maxCoeff();
+  if (!(all > 0.0)) return;
+  range_ = covariate.maxCoeff() - covariate.minCoeff();
+  mean_ = covariate.dot(told) / all;
+  deviation_ = std::sqrt((covariate.array() - mean_).square().matrix().dot(told) / all);
+  least_ = most_ = mean_;
+  for (Index k = 0; k < covariate.size(); ++k) {
+    if (told(k) < kTold * most) continue;
+    least_ = std::min(least_, covariate(k));
+    most_ = std::max(most_, covariate(k));
+  }
+}
+
+bool ToldRange::is_wide() const {
+  constexpr double kWide = 0.1;
+  return deviation_ > kWide * range_;
+}
+
+ToldRange::Ends ToldRange::ends(double value, double slope) const {
+  return {value + slope * (least_ - mean_), value + slope * (most_ - mean_)};
 }
 
 void append_position_covariates(const VectorXd& position, std::vector<TrendCovariate>& covariates) {

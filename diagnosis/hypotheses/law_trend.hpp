@@ -30,11 +30,23 @@ struct TrendCovariate {
   Eigen::VectorXd values;
 };
 
-// The parameter where what it changes with is least and most, on a line through `value` at the mean.
-struct TrendEnds {
-  double from = 0.0, to = 0.0;
+// Where samples tell a parameter: `told` is what each adds to its information. One step of a drive
+// tells a delay there alone, and nothing of how it changes with time.
+class ToldRange {
+ public:
+  ToldRange(const Eigen::VectorXd& covariate, const Eigen::VectorXd& told);
+  // Whether what tells the parameter is spread over enough of the covariate: a standard deviation
+  // of a tenth of its range.
+  [[nodiscard]] bool is_wide() const;
+  // The parameter at the ends of what tells it, on a line through `value` at its mean.
+  struct Ends {
+    double from = 0.0, to = 0.0;
+  };
+  [[nodiscard]] Ends ends(double value, double slope) const;
+
+ private:
+  double range_ = 0.0, mean_ = 0.0, deviation_ = 0.0, least_ = 0.0, most_ = 0.0;
 };
-[[nodiscard]] TrendEnds trend_ends(double value, double slope, const Eigen::VectorXd& covariate);
 
 // A line and a wave over the way that was gone; none where nothing moves.
 void append_position_covariates(const Eigen::VectorXd& position,

@@ -36,6 +36,12 @@ VectorXd ParameterTrends::time() const {
   return time_covariate(samples);
 }
 
+VectorXd ParameterTrends::told(Index column) const {
+  const Eigen::Map<const MatrixXd> own(fit_->jacobian.col(column).data(), outputs_,
+                                       fit_->jacobian.rows() / outputs_);
+  return own.colwise().squaredNorm().transpose();
+}
+
 ParameterTrend ParameterTrends::with(const VectorXd& covariate, Index column) const {
   const VectorXd& residuals = fit_->residuals;
   if (covariate.size() * outputs_ != residuals.size() || basis_.rows() != residuals.size() ||
@@ -98,10 +104,14 @@ std::vector<LawTrend> law_trends(const PredictionTask& task, Index outputs,
       const ParameterSpace& space = fit.model.space[fit.free[i]];
       const double value = fit.model.model.parameters[fit.free[i]].value;
       const double unit = space.logarithmic ? std::abs(value) : space.scale;
+      const VectorXd told = along.told(static_cast<Index>(i));
       for (const TrendCovariate& with : covariates) {
+        if (with.values.size() != told.size()) continue;
+        const ToldRange range(with.values, told);
+        if (!range.is_wide()) continue;
         const ParameterTrend trend = along.with(with.values, static_cast<Index>(i));
         if (std::abs(trend.z) <= std::abs(most.z)) continue;
-        const TrendEnds ends = trend_ends(value, unit * trend.slope, with.values);
+        const ToldRange::Ends ends = range.ends(value, unit * trend.slope);
         most = {l, fit.free[i] - first, with.on, ends.from, ends.to, trend.z, law_at, kUnknown};
       }
     }

@@ -33,6 +33,8 @@ class ParameterTrends {
 
   // Time within each run (law_trend.hpp). A value for each sample of all runs, as every covariate.
   [[nodiscard]] Eigen::VectorXd time() const;
+  // What each sample adds to the information on the parameter in this column of the Jacobian.
+  [[nodiscard]] Eigen::VectorXd told(Eigen::Index column) const;
   // The trend of the parameter in this column of the fit's Jacobian.
   [[nodiscard]] ParameterTrend with(const Eigen::VectorXd& covariate, Eigen::Index column) const;
 

@@ -161,13 +161,27 @@ TEST(LawTrends, BeyondZeroALineSaysNoMoreThanNone) {
             "level of coulomb at axis: between about 0.2 and 0.4 N along the way");
 }
 
-// The line goes through the parameter's value at the mean, wherever between the ends that is.
-TEST(LawTrends, EndWhereTheCovariateEnds) {
-  Eigen::VectorXd mostly_fast = Eigen::VectorXd::Zero(10);
-  mostly_fast(3) = 1.0;
-  const TrendEnds ends = trend_ends(5.0, 2.0, mostly_fast);
-  EXPECT_NEAR(ends.from, 4.8, 1e-12);
-  EXPECT_NEAR(ends.to, 6.8, 1e-12);
+// The line goes through the parameter's value where that is told, and ends where it is.
+TEST(LawTrends, EndWhereTheParameterIsTold) {
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(11, 0.0, 1.0);
+  Eigen::VectorXd told = Eigen::VectorXd::Zero(11);
+  told(2) = 3.0;
+  told(8) = 1.0;
+  const ToldRange range(time, told);
+  EXPECT_TRUE(range.is_wide());
+  EXPECT_NEAR(range.ends(5.0, 2.0).from, 5.0 - 2.0 * 0.15, 1e-12);
+  EXPECT_NEAR(range.ends(5.0, 2.0).to, 5.0 + 2.0 * 0.45, 1e-12);
+}
+
+// A step of the drive tells a delay once, and not whether it grows.
+TEST(LawTrends, WhatIsToldInOnePlaceHasNone) {
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(500, 0.0, 1.0);
+  Eigen::VectorXd told = Eigen::VectorXd::Constant(500, 1e-6);
+  told.segment(350, 60).setOnes();
+  EXPECT_FALSE(ToldRange(time, told).is_wide());
+  told.segment(50, 60).setOnes();
+  EXPECT_TRUE(ToldRange(time, told).is_wide());
+  EXPECT_FALSE(ToldRange(time, Eigen::VectorXd::Zero(500)).is_wide());
 }
 
 // A run-down has one way, and says nothing of the other.
