@@ -402,17 +402,21 @@ std::optional<OtherLook> look_nearer(const LumpedModel& stated, const Prediction
 }
 
 // Where nothing was kept out: whether forces that many machines have foretell the whole recordings
-// very well, each with its part in that, and the model as given does not.
+// very well, each with its part in that, and the model as given does not. Rare laws must leave next
+// to nothing.
 bool is_plainly_better(const FinalFit& final, const PredictionHypotheses& hypotheses,
                        const PredictionData& data) {
   constexpr double kVeryWell = 0.15;          // of the signal
+  constexpr double kNearlyAll = 0.05;         // of the signal
   constexpr double kHalf = 0.5, kPart = 0.7;  // of the error
+  constexpr double kQuarter = 0.25;           // of it
   const JudgedModel& found = final.found();
-  const double left = relative_size(found.error, data.output_scale());
-  if (found.horizon != 0 || left > kVeryWell) return false;
-  if (left > kHalf * relative_size(final.as_given().error, data.output_scale())) return false;
+  const double left = relative_size(found.error, data.output_scale()),
+               before = relative_size(final.as_given().error, data.output_scale());
+  if (found.horizon != 0 || left > kVeryWell || left > kHalf * before) return false;
+  const bool is_nearly_all = left < kNearlyAll && left < kQuarter * before;
   for (std::size_t l = 0; l < found.fit.model.laws.size(); ++l) {
-    if (!hypotheses.is_plain(found.fit.model.laws[l].hypothesis)) return false;
+    if (!is_nearly_all && !hypotheses.is_plain(found.fit.model.laws[l].hypothesis)) return false;
     const JudgedModel without = final.without(l);
     if (without.fit.usable && left > kPart * relative_size(without.error, data.output_scale()))
       return false;

@@ -28,6 +28,7 @@ class PredictionReasons {
 
  private:
   [[nodiscard]] bool is_within_a_step() const;
+  [[nodiscard]] bool is_hidden_by_rounding() const;
   // % of an output's signal.
   [[nodiscard]] double limit_of_error(Eigen::Index output, double scale) const;
   [[nodiscard]] bool has_stated_noise() const;  // of each output
