@@ -69,12 +69,43 @@ class DriveSearch {
       machine_.likely_drive = choice.rivals.empty() ? nullptr : choice.rivals.front();
       return;
     }
+    if (!has_motion && may_be_measured_value(*choice.column)) return;
     machine_.drive = machine_.likely_drive = choice.column;
     add_guess(proposal_, "drive", fmt::format("'{}'", machine_.drive->name), choice.reason);
     if (!choice.doubt.empty()) proposal_.notes.push_back(choice.doubt);
     note_reference(*machine_.drive, proposal_.notes);
     if (!machine_.drive->words.odd_unit.empty()) ask_unit_of_drive();
     find_wrap_of_drive();
+  }
+
+  // A controller's log: "target, current, pwm". Nothing else moves there, and another column drives.
+  bool may_be_measured_value(const LogColumn& chosen) {
+    const bool is_bare = chosen.words.quantity == LogQuantity::kCurrent && !chosen.answered &&
+                         chosen.words.unit.empty() && chosen.words.odd_unit.empty();
+    if (!is_bare) return false;
+    const auto drives_too = [&](const LogColumn* column) {
+      const LogQuantity quantity = column->words.quantity;
+      return column != &chosen && column->moves() &&
+             (quantity == LogQuantity::kForce || quantity == LogQuantity::kVoltage ||
+              quantity == LogQuantity::kCommand);
+    };
+    const auto drive = std::ranges::find_if(machine_.columns, drives_too);
+    if (drive == machine_.columns.end()) return false;
+    OpenQuestion question;
+    question.text = fmt::format(
+        "Is '{}' an electric current, or the current value of the motion, which no other title "
+        "names? Then '{}' drives",
+        chosen.name, (*drive)->name);
+    question.option = fmt::format("--column '{}=position:deg', say, or --column '{}=current'",
+                                  chosen.name, chosen.name);
+    question.choices = {
+        {"a position", {chosen.name + "=position"}},
+        {"a velocity", {chosen.name + "=velocity"}},
+        {"an electric current", {chosen.name + "=current"}},
+    };
+    proposal_.questions.push_back(question);
+    machine_.likely_drive = *drive;
+    return true;
   }
 
   // The drive of a position servo: the difference of its goal and the position.

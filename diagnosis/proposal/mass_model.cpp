@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signals/drive_work.hpp"
 #include "problems/base/units.hpp"
@@ -164,6 +166,22 @@ class MassModel {
         machine_.drive->name));
   }
 
+  // Stamps that jitter while the samples do not: resampling by them would make the motion rough.
+  void doubt_stamps() {
+    const MotionChoice& choice = machine_.motions[0];
+    const LogRecording& log = machine_.log;
+    if (time_.is_even || time_.column.empty() || choice.is_velocity) return;
+    const Eigen::VectorXd& stamps = log.at(time_.file, time_.column).values;
+    const Eigen::VectorXd place = choice.values(log);
+    if (stamps.size() != place.size()) return;
+    const std::optional<ArrivalTimes> arrival = find_arrival_times(stamps, place);
+    if (!arrival) return;
+    proposal_.notes.push_back(fmt::format(
+        "'{}' moves as if sampled evenly, while '{}' jitters: are these the times when samples "
+        "arrived? Then say --column '{}=ignore' --sample-time {:.5g}",
+        choice.column->name, time_.column, time_.column, arrival->step * time_.seconds()));
+  }
+
   // What no axis does is a wrong unit.
   void doubt_speed() {
     constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
@@ -232,6 +250,7 @@ class MassModel {
         note_braking();
       }
       doubt_speed();
+      doubt_stamps();
       if (!machine_.has_goal() && machine_.drive != nullptr) doubt_mass(start);
       switch (start.told) {
         case OneMassTold::kInertia:

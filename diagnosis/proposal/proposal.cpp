@@ -157,7 +157,10 @@ ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecord
 
 void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
                   ModelProposal& proposal) {
-  if (time.sample_time > 0.0) {
+  constexpr double kFastest = 1e-6;  // s: what moves is not sampled faster
+  const bool is_doubtful =
+      time.sample_time > 0.0 && time.sample_time < kFastest && time.why != "you said so";
+  if (time.sample_time > 0.0 && !is_doubtful) {
     proposal.guesses.push_back(
         {"time",
          time.column.empty() ? "no column" : fmt::format("'{}' in {}", time.column, time.unit),
@@ -173,7 +176,11 @@ void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
     return;
   }
   OpenQuestion question;
-  question.text = time.question();
+  question.text = is_doubtful ? fmt::format(
+                                    "Is '{}' in {}, as its title says? Its samples would be {:g} s "
+                                    "apart",
+                                    time.column, time.unit, time.sample_time)
+                              : time.question();
   question.option = fmt::format("--column '{}=time:ms', say", time.column);
   for (const char* unit : {"s", "ms", "us", "ns"}) {
     question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});

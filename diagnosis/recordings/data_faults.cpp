@@ -200,9 +200,11 @@ void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findi
                              samples.first_sample + static_cast<std::size_t>(last))));
 }
 
-bool has_arrival_times(const ChannelSamples& samples, std::vector<Finding>& findings) {
+bool has_arrival_times(const ChannelSamples& samples, const std::optional<CounterWrap>& wrap,
+                       std::vector<Finding>& findings) {
   if (!is_measured_position(*samples.channel)) return false;
-  const std::optional<ArrivalTimes> arrival = find_arrival_times(samples.time, samples.values);
+  const Eigen::VectorXd path = wrap ? unwrapped(samples.values, wrap->period) : samples.values;
+  const std::optional<ArrivalTimes> arrival = find_arrival_times(samples.time, path);
   if (!arrival) return false;
   findings.push_back(finding_of(
       samples, 0, "arrival times", arrival->strength,
@@ -331,7 +333,7 @@ DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
     add_quantisation(samples, findings);
     add_impacts(samples, findings);
     add_held_values(samples, findings);
-    if (!wrap && !result.times_jitter) result.times_jitter = has_arrival_times(samples, findings);
+    if (!result.times_jitter) result.times_jitter = has_arrival_times(samples, wrap, findings);
   }
   add_lost_sign(piece, findings);
   return result;

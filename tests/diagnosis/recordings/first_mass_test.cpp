@@ -248,12 +248,42 @@ TEST(KeptOutBlocks, StartsAreShared) {
   VectorXd force = VectorXd::Ones(1200);
   const KeptOutBlocks once = kept_out_blocks(force, speed_of(force), true);
   EXPECT_FALSE(once.is_fair);
-  EXPECT_EQ(once.reason, "starts and stops are in one half");
+  EXPECT_EQ(once.reason, "the drive makes one step or pulse");
   for (Index k = 0; k < 600; ++k) force(k) = k / 75 % 2 == 0 ? 1.0 : 0.4;
   const KeptOutBlocks more = kept_out_blocks(force, speed_of(force), true);
   EXPECT_EQ(more.reason, "starts and stops are in one half");
   EXPECT_TRUE(more.is_fair);
   EXPECT_GT(more.count, 2);
+}
+
+// A step, a pulse, or a drive that is on: one transient. Noise of what the encoder says in steady
+// motion shows no second one.
+TEST(KeptOutBlocks, OneTransientIsNotShared) {
+  const auto speed_of = [](const VectorXd& force) {
+    VectorXd speed(force.size());
+    double v = 0.0;
+    for (Index k = 0; k < force.size(); ++k) {
+      v += 0.05 * (force(k) - v);
+      speed(k) = 0.02 * std::round(v / 0.02 + 0.8 * std::sin(0.7 * static_cast<double>(k)));
+    }
+    return speed;
+  };
+  VectorXd step = VectorXd::Zero(1200), pulse = VectorXd::Zero(1200);
+  step.tail(400).setConstant(1.0);
+  pulse.segment(300, 500).setConstant(-2.0);
+  for (const VectorXd& drive : {step, pulse, VectorXd(VectorXd::Constant(1200, 3.0))}) {
+    const KeptOutBlocks split = kept_out_blocks(drive, speed_of(drive), true);
+    EXPECT_FALSE(split.is_fair);
+    EXPECT_EQ(split.reason, "the drive makes one step or pulse");
+  }
+  // Two pulses are two transients; and what swings freely has many.
+  pulse.tail(300).setConstant(-2.0);
+  EXPECT_NE(kept_out_blocks(pulse, speed_of(pulse), true).reason,
+            "the drive makes one step or pulse");
+  VectorXd swing(1200);
+  for (Index k = 0; k < 1200; ++k) swing(k) = std::sin(0.1 * static_cast<double>(k));
+  EXPECT_TRUE(kept_out_blocks(VectorXd::Zero(1200), swing, false).is_fair);
+  EXPECT_TRUE(kept_out_blocks(VectorXd::Ones(1200), swing, false).is_fair);
 }
 
 // A push of a few samples can't be shared.

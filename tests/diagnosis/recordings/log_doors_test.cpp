@@ -560,6 +560,55 @@ TEST_F(LogDoors, ADriveAgainstItsMotionIsTold) {
   EXPECT_FALSE(says(both, "which goes one way")) << all_of(both);
 }
 
+// A controller's log names what it has measured the current value.
+TEST_F(LogDoors, ACurrentBesideATargetAndADriveIsAsked) {
+  const DoorAxis m = door_axis(400, 0.01);
+  const std::string text = table_of({{"time [s]", m.time},
+                                     {"target", VectorXd::Ones(400)},
+                                     {"current", m.position},
+                                     {"pwm", m.force}});
+  const ModelProposal proposal = proposed(text);
+  EXPECT_TRUE(says(proposal, "Is 'current' an electric current")) << all_of(proposal);
+  const ModelProposal answered = proposed(text, {"current=position:rad"});
+  EXPECT_TRUE(says(answered, "'pwm'")) << all_of(answered);
+  EXPECT_TRUE(answered.questions.empty()) << all_of(answered);
+  // Beside a motion it is what it says.
+  const ModelProposal plain = proposed(table_of({{"time [s]", m.time},
+                                                 {"position [rad]", m.position},
+                                                 {"current", m.force},
+                                                 {"pwm", m.force + m.velocity}}));
+  EXPECT_FALSE(says(plain, "electric current")) << all_of(plain);
+}
+
+// Seconds under a title of microseconds.
+TEST_F(LogDoors, TimesThatNoMachineIsSampledAtAreAsked) {
+  const DoorAxis m = door_axis(400, 0.001);
+  const auto text = [&](double factor) {
+    return table_of(
+        {{"time_us", factor * m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
+  };
+  EXPECT_TRUE(says(proposed(text(1.0)), "Is 'time_us' in us, as its title says?"));
+  EXPECT_FALSE(says(proposed(text(1e6)), "Is 'time_us'"));
+  EXPECT_FALSE(says(proposed(text(1.0), {"time_us=time:s"}), "Is 'time_us'"));
+}
+
+// The stamps come in steps of two sizes, the samples do not; the angle wraps.
+TEST_F(LogDoors, StampsThatJitterWhileTheSamplesDoNotAreTold) {
+  const DoorAxis m = door_axis(600, 0.033);
+  VectorXd stamps(600), angle(600);
+  for (Index k = 0; k < 600; ++k) {
+    stamps(k) = 0.02 * std::round(m.time(k) / 0.02);
+    angle(k) = std::remainder(60.0 * m.position(k), 360.0);
+  }
+  const auto told = [&](const VectorXd& time) {
+    return says(
+        proposed(table_of({{"time [s]", time}, {"angle [deg]", angle}, {"torque [N m]", m.force}})),
+        "moves as if sampled evenly");
+  };
+  EXPECT_TRUE(told(stamps));
+  EXPECT_FALSE(told(m.time));
+}
+
 // Millimetres that are called metres make an axis that few have; so do milliseconds called seconds.
 TEST_F(LogDoors, SpeedsAndMassesThatNoAxisHasAreDoubted) {
   const DoorAxis m = door_axis(1500, 0.01);
