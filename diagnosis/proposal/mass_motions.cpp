@@ -124,8 +124,9 @@ class MotionSearch {
     }
     if (left.empty()) {
       throw InputError(fmt::format(
-          "{}: no column is a {} or velocity that moves; say which by --column NAME=position{}",
-          machine_.log.files.front().string(), what, words_of_accelerations(machine_.columns)));
+          "{}: no column is a {} or velocity that moves{}; say which by --column NAME=position{}",
+          machine_.log.files.front().string(), what, still_columns(machine_.columns),
+          words_of_accelerations(machine_.columns)));
     }
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
     question.option = fmt::format("--column '{}=position:{}', say, or --column '{}=velocity:{}'",

@@ -356,9 +356,11 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
   page.traces = diagnosis.trouble.empty() ? diagnosis_traces(diagnosis) : std::vector<Trace>{};
   if (diagnosis.trouble.empty() && diagnosis.before.usable) {
     page.bars = error_bars(diagnosis);
-    page.bars_title = diagnosis.validation_after
-                          ? "Error on recordings kept out, % of the signal"
-                          : "Error on the recordings of the fit, % of the signal";
+    page.bars_title = fmt::format(
+        "Error on {}{}, % of the signal",
+        diagnosis.validation_after ? "recordings kept out" : "the recordings of the fit",
+        diagnosis.seconds_ahead > 0.0 ? fmt::format(" {:.2g} s ahead", diagnosis.seconds_ahead)
+                                      : "");
   }
   page.sections = sections_of(diagnosis, hypotheses, files, context, !page.traces.empty());
   page.origin = context.origin;

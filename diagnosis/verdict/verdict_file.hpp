@@ -43,7 +43,7 @@
 //    "shared_characteristics": [{"place", "characteristic": "spring",
 //                                "laws": ["backlash", "ripple"]}],
 //    "fit": {"before": {"estimation": {"chi_square_per_dof", "nrmse", "variance_accounted_for"},
-//            "validation": {...}}, "after": {...,
+//            "validation": {...}}, "after": {...}, "seconds_ahead": 0.0,
 //            "validation_within_errors": {"chi_square_per_dof"}}},
 //    "parameters": [{"name", "before", "after", "standard_error", "unit"}],
 //    "next_experiment": {"between": ["...", "..."], "shares": [{"position", "level", "band_hz",

@@ -439,14 +439,16 @@ void add_rivals(const FoundEffect& effect, std::span<const Hypothesis> hypothese
   if (!excluded.empty()) lines.push_back("Excluded in its place: " + excluded + ".");
 }
 
-void add_fit(const char* data, const std::optional<Assessment>& before,
-             const std::optional<Assessment>& after, bool noise_is_known,
+void add_fit(const char* recordings, const std::optional<Assessment>& before,
+             const std::optional<Assessment>& after, const Diagnosis& diagnosis,
              std::vector<std::string>& lines) {
   if (!before || !after) return;
   if (before->nrmse == 0.0 && after->nrmse == 0.0) return;  // nothing was fitted
-  std::string line = fmt::format("Error on {}: {:.4g} % before, {:.4g} % after", data,
-                                 before->nrmse, after->nrmse);
-  if (noise_is_known) {
+  const std::string ahead =
+      diagnosis.seconds_ahead > 0.0 ? fmt::format(", {:.2g} s ahead", diagnosis.seconds_ahead) : "";
+  std::string line = fmt::format("Error on {}{}: {:.4g} % before, {:.4g} % after", recordings,
+                                 ahead, before->nrmse, after->nrmse);
+  if (diagnosis.noise_is_known) {
     line += fmt::format("; chi-square per degree of freedom {:.4g} before, {:.4g} after",
                         before->chi_square_per_dof(), after->chi_square_per_dof());
   }
@@ -916,9 +918,9 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   }
   add_all_channels(diagnosis, lines);
   add_fit("the recordings of the fit", diagnosis.before.estimation, diagnosis.after.estimation,
-          diagnosis.noise_is_known, lines);
+          diagnosis, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
-          diagnosis.noise_is_known, lines);
+          diagnosis, lines);
   add(kept_out_lines(diagnosis, hypotheses));
   add_test_of_rest(diagnosis, lines);
   if (diagnosis.verified) {
