@@ -262,6 +262,22 @@ void PredictionSearch::add_weights(const std::vector<ExtensionScore>& scores,
   }
 }
 
+// Gradual friction may run away where a sharp one does not: noise hides how it slides over.
+void PredictionSearch::add_sharp_friction(const std::vector<LawExtension>& extensions,
+                                          std::vector<std::size_t>& list) {
+  const auto is_friction = [](const LawExtension& law) {
+    return law.law == "coulomb" && law.fixed.size() == 2;
+  };
+  for (const std::size_t gradual : std::vector<std::size_t>(list)) {
+    if (!is_friction(extensions[gradual]) || extensions[gradual].fixed[1]) continue;
+    const auto sharp = std::ranges::find_if(extensions, [&](const LawExtension& law) {
+      return law.hypothesis == extensions[gradual].hypothesis && is_friction(law) && law.fixed[1];
+    });
+    if (sharp != extensions.end())
+      list.push_back(static_cast<std::size_t>(sharp - extensions.begin()));
+  }
+}
+
 std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
                                                    const std::vector<LawExtension>& extensions,
                                                    std::span<const ScoredStart> starts) const {
@@ -277,6 +293,7 @@ std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
     }
     add_weights(start.scores, extensions, list);
   }
+  add_sharp_friction(extensions, list);
   std::vector<TriedLaw> tried;
   for (const std::size_t extension : list) {
     const LawExtension& law = extensions[extension];
@@ -293,6 +310,25 @@ std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
   }
   return tried;
 }
+
+namespace {
+
+// Of the fits of one hypothesis, sorted, the best that a machine can have; else the best.
+void keep_one_of_each(std::vector<TriedLaw>& tried) {
+  std::vector<TriedLaw> kept;
+  for (TriedLaw& law : tried) {
+    const auto other = std::ranges::find(kept, law.hypothesis, &TriedLaw::hypothesis);
+    if (other == kept.end()) {
+      kept.push_back(std::move(law));
+    } else if (!other->is_possible() && law.is_possible()) {
+      *other = std::move(law);
+    }
+  }
+  tried = std::move(kept);
+  std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
+}
+
+}  // namespace
 
 void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried) const {
   const double fed_limit = std::max(options_.fed_in, kEnergyMargin * fed_in_by(state, state.fit));
@@ -312,6 +348,7 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
                    turns_its_drive(one.fit, one.fit.model.laws.back());
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
+  keep_one_of_each(tried);
 }
 
 std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,

@@ -67,7 +67,7 @@ struct PredictionSearchOptions {
   double at_rounding = 1.3;            // times the noise, where that may be rounding
   double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
   double least_gain_near_noise = 0.15;   // so much of the cost, or of white residuals
-  double evidence_near_noise = 50.0;     // such a chi-square
+  double evidence_near_noise = 25.0;     // such a chi-square
   double least_gain_of_rounding = 0.25;  // a late channel: of the share that may be rounding
   double least_evidence = 0.0;           // chi-square of what the law takes of white residuals
   double no_skill = 0.95;                // of the signal
@@ -193,6 +193,8 @@ class PredictionSearch {
   static void add_weights(const std::vector<ExtensionScore>& scores,
                           const std::vector<LawExtension>& extensions,
                           std::vector<std::size_t>& list);
+  static void add_sharp_friction(const std::vector<LawExtension>& extensions,
+                                 std::vector<std::size_t>& list);
   [[nodiscard]] std::vector<TriedLaw> start_race(const State& state,
                                                  const std::vector<LawExtension>& extensions,
                                                  std::span<const ScoredStart> starts) const;
