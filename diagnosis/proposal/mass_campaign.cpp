@@ -78,10 +78,10 @@ class MassCampaign {
                     machine_.force_name(), machine_.force_unit()));
   }
 
-  // Behind the motion, whose unit and gain the goal has where none is stated.
+  // Behind the motion, whose unit the goal has where none is stated. The servo's spring to the goal
+  // is the goal as a force, and a spring to zero in the model.
   void add_goal_channel() {
     const MotionChoice& motion = machine_.motions.front();
-    const std::string position = machine_.motion_name(0);
     if (motion.is_velocity) {
       throw InputError(fmt::format(
           "--column '{}=goal': the drive of a servo is goal - position, and no position is "
@@ -91,14 +91,13 @@ class MassCampaign {
     const bool is_stated = !machine_.drive->words.unit.empty();
     const Unit* unit = find_unit(is_stated ? machine_.drive->words.unit : motion.unit);
     machine_.goal_factor = is_stated ? unit->factor : motion.factor;
-    draft_.channels.push_back({"goal", machine_.drive->file, machine_.drive->name,
-                               std::string(unit->name), is_stated ? "" : motion.gain, "reference",
-                               is_stated ? "" : "in the unit of the position"});
-    const double gain = machine_.request.gain.value_or(1.0);
-    draft_.computed.push_back(fmt::format(
-        "  - {{kind: sum, of: [goal, {}], weights: [{:g}, {:g}], unit: {}, name: {}, is: input}}\n",
-        position, gain, -gain, machine_.force_unit(), machine_.force_name()));
-    machine_.force_factor = gain;
+    machine_.force_factor = machine_.request.gain.value_or(1.0);
+    const std::string gain = fmt::format("{{value: {:.10g}, unit: \"{}/{}\"}}",
+                                         machine_.force_factor * machine_.goal_factor,
+                                         machine_.force_unit(), unit->name);
+    draft_.channels.push_back({machine_.force_name(), machine_.drive->file, machine_.drive->name,
+                               std::string(unit->name), gain, "input",
+                               is_stated ? "the goal" : "the goal, in the unit of the position"});
   }
 
   void add_drive_channel() {

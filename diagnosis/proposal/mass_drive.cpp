@@ -115,8 +115,8 @@ class DriveSearch {
               "you said so: the goal of a servo");
     proposal_.notes.push_back(fmt::format(
         "'{}' is a reference: the servo drives by what is left to it, taken as 1 {} for each {} of "
-        "goal - position (--gain states another). All sizes are relative to this gain of the "
-        "servo's, and a stiffness that is found is a part of it",
+        "goal - position (--gain states another). So the model has a spring of that stiffness, and "
+        "the goal drives through it; all sizes are relative to this gain of the servo's",
         machine_.drive->name, machine_.force_unit(), machine_.is_linear() ? "m" : "rad"));
   }
 

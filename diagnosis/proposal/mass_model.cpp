@@ -280,7 +280,17 @@ class MassModel {
                "    law: viscous\n"
                "    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
                start.damping, damping_unit) +
-           weight(start);
+           servo() + weight(start);
+  }
+
+  // What holds the axis at its goal: the goal drives through the same spring.
+  [[nodiscard]] std::string servo() const {
+    if (!machine_.has_goal()) return "";
+    return fmt::format(
+        "{:<46} # its gain: what is left to the goal drives\n"
+        "    location: {{kind: element, mass: axis}}\n    law: stiffness\n"
+        "    parameters: {{stiffness: {{value: {:g}, unit: {}, fixed: true}}}}\n",
+        "  - name: servo", machine_.force_factor, machine_.is_linear() ? "N/m" : "N m/rad");
   }
 
   SpringStart spring_start() {

@@ -51,10 +51,9 @@ void hold_as_measured(const MassMachine& machine, CampaignDraft& draft) {
   const bool is_measured = machine.drive != nullptr && machine.drive->words.is_measured &&
                            !machine.drive->words.is_reference &&
                            machine.drive->words.quantity != LogQuantity::kCommand;
-  if (!is_measured && !machine.has_goal()) return;
+  if (!is_measured || machine.has_goal()) return;
   draft.hold = "first";
-  draft.hold_reason =
-      machine.has_goal() ? "the difference goes on between samples" : "the drive was measured";
+  draft.hold_reason = "the drive was measured";
 }
 
 // A motion that was measured at a slower rate than logged: one of so many samples is taken.

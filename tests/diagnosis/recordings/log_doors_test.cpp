@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <string>
 #include <utility>
@@ -264,7 +265,8 @@ TEST_F(LogDoors, WithoutADriveARunDownIsProposed) {
   EXPECT_EQ(run.data.pieces.at(0).values.col(torque).cwiseAbs().maxCoeff(), 0.0);
 }
 
-TEST_F(LogDoors, AServosDriveIsItsGoalMinusItsPosition) {
+// K (goal - q): the goal drives, and a spring of the servo's gain pulls back.
+TEST_F(LogDoors, AServosGoalDrivesThroughItsSpring) {
   const DoorAxis m = door_axis(600, 0.01);
   const VectorXd goal = m.position + 0.5 * m.force;
   const std::string text = table_of(
@@ -276,13 +278,24 @@ TEST_F(LogDoors, AServosDriveIsItsGoalMinusItsPosition) {
   request.gain = 2.0;
   const ModelProposal proposal = proposed(text, {"goal_position=goal"}, request);
   EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
-  EXPECT_TRUE(says(proposal, "a stiffness that is found is a part of it")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "the goal drives through it")) << all_of(proposal);
+  EXPECT_NE(proposal.model_text.find("stiffness: {value: 2, unit: N m/rad, fixed: true}"),
+            std::string::npos)
+      << proposal.model_text;
   const ExperimentRecording run = loaded(proposal);
   const SignalPiece& piece = run.data.pieces.at(0);
   for (Index k = 0; k < piece.time.size(); ++k) {
     const auto row = static_cast<Index>(std::lround(piece.time(k) / 0.01));
-    EXPECT_NEAR(piece.values(k, run.index_of("torque")), m.force(row), 1e-6);
+    EXPECT_NEAR(piece.values(k, run.index_of("torque")), 2.0 * goal(row), 1e-6);
   }
+  // A goal in the unit of the position, which is in degrees.
+  const ModelProposal degrees = proposed(
+      table_of({{"time [s]", m.time}, {"position [deg]", m.position}, {"goal_position", goal}}),
+      {"goal_position=goal"});
+  const ExperimentRecording other = loaded(degrees);
+  EXPECT_NEAR(other.data.pieces.at(0).values(50, other.index_of("torque")),
+              goal(std::lround(other.data.pieces.at(0).time(50) / 0.01)) * std::numbers::pi / 180.0,
+              1e-9);
 }
 
 TEST_F(LogDoors, AStepFromZeroIsNoSupply) {
