@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -160,6 +161,21 @@ DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecordi
 
 bool disagree(const LogColumn& a, const LogColumn& b) {
   return std::abs(correlation(values_of(a), values_of(b))) < kAgree;
+}
+
+std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
+                                       const std::vector<Eigen::VectorXd>& measured) {
+  constexpr Eigen::Index kFewest = 10;  // samples a coefficient
+  const Eigen::Index n = drive.size();
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Ones(n, std::ssize(measured) + 1);
+  for (std::size_t k = 0; k < measured.size(); ++k) {
+    if (measured[k].size() != n) return {};
+    columns.col(static_cast<Eigen::Index>(k)) = measured[k];
+  }
+  const double deviation = (drive.array() - drive.mean()).matrix().norm();
+  if (n <= kFewest * columns.cols() || !(deviation > 0.0)) return {};
+  const Eigen::VectorXd left = drive - columns * columns.colPivHouseholderQr().solve(drive);
+  return left.norm() / deviation;
 }
 
 std::string doubt_words(const LogColumn& drive, const DriveManner& manner) {

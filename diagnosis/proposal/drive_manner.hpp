@@ -3,6 +3,8 @@
 // ways.
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +28,11 @@ struct DriveManner {
 
 // Whether two columns tell other things: a correlation below 0.9, of either sign.
 [[nodiscard]] bool disagree(const LogColumn& a, const LogColumn& b);
+
+// What a sum of a constant and of these signals leaves of the drive, of its deviation; none: too few
+// samples, or a constant drive.
+[[nodiscard]] std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
+                                                     const std::vector<Eigen::VectorXd>& measured);
 
 // "moves by 2.3 % of its mean and never changes its sign", for a question.
 [[nodiscard]] std::string doubt_words(const LogColumn& drive, const DriveManner& manner);

@@ -56,6 +56,7 @@ class MassCampaign {
                           machine_.request.split);
     split_in_blocks();
     note_sparse_rows(draft_, machine_.recordings.front(), proposal_.notes);
+    note_arrival_times(machine_, draft_.time, proposal_.notes);
     if (draft_.time.every > 1) {
       for (DraftExperiment& each : draft_.experiments)
         each.from = first_of_held(machine_, draft_.time, each);

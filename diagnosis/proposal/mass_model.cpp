@@ -11,7 +11,6 @@
 #include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
-#include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signals/drive_work.hpp"
 #include "problems/base/units.hpp"
@@ -36,6 +35,23 @@ bool goes_one_way(const Eigen::ArrayXd& rate) {
     forth = std::max(forth, place - least);
   }
   return std::min(back, forth) <= kBack * (most - least);
+}
+
+// As --column takes it: "-deg", "-0.1 deg".
+std::string reversed_unit(const MotionChoice& motion) {
+  const double factor = -motion.column->words.unit_factor;
+  if (factor == -1.0) return "-" + motion.unit;
+  return factor == 1.0 ? motion.unit : fmt::format("{:g} {}", factor, motion.unit);
+}
+
+// What holds the axis at its goal: the goal drives through the same spring.
+std::string servo_of(const MassMachine& machine) {
+  if (!machine.has_goal()) return "";
+  return fmt::format(
+      "{:<46} # its gain: what is left to the goal drives\n"
+      "    location: {{kind: element, mass: axis}}\n    law: stiffness\n"
+      "    parameters: {{stiffness: {{value: {:g}, unit: {}, fixed: true}}}}\n",
+      "  - name: servo", machine.force_factor, machine.is_linear() ? "N/m" : "N m/rad");
 }
 
 class MassModel {
@@ -90,13 +106,6 @@ class MassModel {
   [[nodiscard]] OneMassStart start_of(const Eigen::VectorXd& force) const {
     return start_one_mass({force, motion(0), machine_.motions[0].is_velocity, !machine_.is_linear(),
                            time_.sample_time});
-  }
-
-  // As --column takes it: "-deg", "-0.1 deg".
-  static std::string reversed_unit(const MotionChoice& motion) {
-    const double factor = -motion.column->words.unit_factor;
-    if (factor == -1.0) return "-" + motion.unit;
-    return factor == 1.0 ? motion.unit : fmt::format("{:g} {}", factor, motion.unit);
   }
 
   // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
@@ -166,20 +175,23 @@ class MassModel {
         machine_.drive->name));
   }
 
-  // Stamps that jitter while the samples do not: resampling by them would make the motion rough.
-  void doubt_stamps() {
+  // Nothing but a controller computes a drive that is a sum of what was measured.
+  void note_feedback() {
+    constexpr double kExact = 0.01;  // of the drive's deviation
     const MotionChoice& choice = machine_.motions[0];
-    const LogRecording& log = machine_.log;
-    if (time_.is_even || time_.column.empty() || choice.is_velocity) return;
-    const Eigen::VectorXd& stamps = log.at(time_.file, time_.column).values;
-    const Eigen::VectorXd place = choice.values(log);
-    if (stamps.size() != place.size()) return;
-    const std::optional<ArrivalTimes> arrival = find_arrival_times(stamps, place);
-    if (!arrival) return;
+    std::vector<Eigen::VectorXd> measured{motion(0)};
+    std::string names = fmt::format("'{}'", choice.column->name);
+    if (choice.other != nullptr && choice.other->file == choice.column->file) {
+      measured.push_back(machine_.even.of(without_gaps(choice.other->values)));
+      names += fmt::format(" and '{}'", choice.other->name);
+    }
+    const std::optional<double> left = left_of_feedback(force(), measured);
+    if (!left || *left > kExact) return;
     proposal_.notes.push_back(fmt::format(
-        "'{}' moves as if sampled evenly, while '{}' jitters: are these the times when samples "
-        "arrived? Then say --column '{}=ignore' --sample-time {:.5g}",
-        choice.column->name, time_.column, time_.column, arrival->step * time_.seconds()));
+        "'{}' (drive) is a sum of a constant and of {}, to {:.2g} % of its deviation: a controller "
+        "computed it. Nothing else excites the machine, so this log can't tell the machine from "
+        "its controller: move the goal, push, or add a signal to the drive",
+        machine_.drive->name, names, 100.0 * *left));
   }
 
   // What no axis does is a wrong unit.
@@ -250,8 +262,10 @@ class MassModel {
         note_braking();
       }
       doubt_speed();
-      doubt_stamps();
-      if (!machine_.has_goal() && machine_.drive != nullptr) doubt_mass(start);
+      if (!machine_.has_goal() && machine_.drive != nullptr) {
+        doubt_mass(start);
+        note_feedback();
+      }
       switch (start.told) {
         case OneMassTold::kInertia:
           why = "a start: least squares of the motion on the drive and friction";
@@ -280,17 +294,7 @@ class MassModel {
                "    law: viscous\n"
                "    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
                start.damping, damping_unit) +
-           servo() + weight(start);
-  }
-
-  // What holds the axis at its goal: the goal drives through the same spring.
-  [[nodiscard]] std::string servo() const {
-    if (!machine_.has_goal()) return "";
-    return fmt::format(
-        "{:<46} # its gain: what is left to the goal drives\n"
-        "    location: {{kind: element, mass: axis}}\n    law: stiffness\n"
-        "    parameters: {{stiffness: {{value: {:g}, unit: {}, fixed: true}}}}\n",
-        "  - name: servo", machine_.force_factor, machine_.is_linear() ? "N/m" : "N m/rad");
+           servo_of(machine_) + weight(start);
   }
 
   SpringStart spring_start() {

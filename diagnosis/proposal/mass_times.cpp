@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/held_values.hpp"
 
 namespace graybox {
@@ -176,6 +177,22 @@ Eigen::Index first_of_held(const MassMachine& machine, const LogTime& time,
   if (held) return held->first % time.every;
   const Eigen::Index behind = (time.from - experiment.first) % time.every;
   return behind < 0 ? behind + time.every : behind;
+}
+
+void note_arrival_times(const MassMachine& machine, const LogTime& time,
+                        std::vector<std::string>& notes) {
+  if (time.is_even || time.column.empty() || machine.motions.empty()) return;
+  const MotionChoice& choice = machine.motions.front();
+  if (choice.column == nullptr || choice.is_velocity) return;
+  const Eigen::VectorXd& stamps = machine.log.at(time.file, time.column).values;
+  const Eigen::VectorXd place = choice.values(machine.log);
+  if (stamps.size() != place.size()) return;
+  const std::optional<ArrivalTimes> arrival = find_arrival_times(stamps, place);
+  if (!arrival) return;
+  notes.push_back(fmt::format(
+      "'{}' moves as if sampled evenly, while '{}' jitters: are these the times when samples "
+      "arrived? Then say --column '{}=ignore' --sample-time {:.5g}",
+      choice.column->name, time.column, time.column, arrival->step * time.seconds()));
 }
 
 void note_sparse_rows(const CampaignDraft& draft, const LogRecording& log,

@@ -23,6 +23,10 @@ void take_held_values(MassMachine& machine, CampaignDraft& draft, ModelProposal&
 [[nodiscard]] Eigen::Index first_of_held(const MassMachine& machine, const LogTime& time,
                                          const DraftExperiment& experiment);
 
+// Stamps that jitter while the position does not: resampling by them would make the motion rough.
+void note_arrival_times(const MassMachine& machine, const LogTime& time,
+                        std::vector<std::string>& notes);
+
 // Rows so rare that most samples would be interpolated between them.
 void note_sparse_rows(const CampaignDraft& draft, const LogRecording& log,
                       std::vector<std::string>& notes);

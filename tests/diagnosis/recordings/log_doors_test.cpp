@@ -593,6 +593,20 @@ TEST_F(LogDoors, ACurrentBesideATargetAndADriveIsAsked) {
   EXPECT_FALSE(says(plain, "electric current")) << all_of(plain);
 }
 
+// u = -k q - d v of what was measured; a force that moves a mass beside it is none.
+TEST_F(LogDoors, ADriveThatAControllerComputedIsTold) {
+  const DoorAxis m = door_axis(600, 0.01);
+  const auto told = [&](const VectorXd& drive) {
+    return says(proposed(table_of({{"time [s]", m.time},
+                                   {"position [rad]", m.position},
+                                   {"velocity [rad/s]", m.velocity},
+                                   {"torque [N m]", drive}})),
+                "a controller computed it");
+  };
+  EXPECT_TRUE(told(-3.0 * m.position - 0.5 * m.velocity + VectorXd::Constant(600, 0.2)));
+  EXPECT_FALSE(told(m.force));
+}
+
 // Seconds under a title of microseconds.
 TEST_F(LogDoors, TimesThatNoMachineIsSampledAtAreAsked) {
   const DoorAxis m = door_axis(400, 0.001);
