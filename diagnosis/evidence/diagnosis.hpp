@@ -149,8 +149,6 @@ struct Diagnosis {
   std::vector<FoundEffect> effects;
   ExtendedFit before, after;
   std::optional<Assessment> validation_before, validation_after;
-  // How far ahead these four errors are of predictions; 0: of whole recordings.
-  double seconds_ahead = 0.0;
   // After, with what errors of the fitted parameters do counted as noise: what the verdict is
   // verified by.
   std::optional<Assessment> validation_within_errors;

@@ -149,6 +149,7 @@ struct ExtendedFit {
   // A parameter that the data do not determine adds nothing.
   double laws_information = 0.0;
   Assessment estimation;
+  double seconds_ahead = 0.0;  // of the errors: predictions so far ahead; 0: of whole recordings
   // Where the noise is not known: mean squared errors of contiguous blocks of the recordings
   // (rows), each predicted by the others, in each output (columns).
   Eigen::MatrixXd held_out;

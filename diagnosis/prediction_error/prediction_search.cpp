@@ -206,8 +206,9 @@ bool PredictionSearch::climb(Index horizon, const ExtendedLumpedModel& from, Sta
 bool PredictionSearch::is_noise(const State& state) const {
   if (findings_.followed) return false;  // a law may be small beside it, and told all the same
   // An rms of N white samples is told to 1 / sqrt(2 N) of it.
+  constexpr double kErrors = 4.0;
   const double of_white = 1.0 / std::sqrt(2.0 * static_cast<double>(state.task.counted()));
-  const double at_noise = 1.0 + std::min(options_.at_noise, options_.errors_at_noise * of_white);
+  const double at_noise = 1.0 + std::min(options_.at_noise, kErrors * of_white);
   for (Index j = 0; j < state.error.size(); ++j) {
     const double limit = data_->is_rounded(j) ? options_.at_rounding : at_noise;
     if (!(state.error(j) < limit * state.by_noise(j))) return false;
@@ -364,6 +365,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     rounding +=
         std::pow(state.by_noise(k) / state.error(k), 2) / static_cast<double>(state.error.size());
   }
+  constexpr double kSureChiSquare = 25.0;  // of white residuals
   const auto least_gain = [&](const TriedLaw& law) {
     const std::string& name = hypotheses_->hypotheses()[law.hypothesis].law;
     double least =
@@ -372,7 +374,7 @@ std::size_t PredictionSearch::plainest(const std::vector<TriedLaw>& tried,
     if (hypotheses_->is_late_channel(law.hypothesis)) {
       return std::max(least, options_.least_gain_of_rounding * rounding);
     }
-    const bool is_sure = rounding == 0.0 && law.evidence > options_.evidence_near_noise;
+    const bool is_sure = rounding == 0.0 && law.evidence > kSureChiSquare;
     return is_near_noise && !is_sure ? std::max(least, options_.least_gain_near_noise) : least;
   };
   const auto is_good = [&](const TriedLaw& law) {

@@ -63,11 +63,9 @@ struct PredictionSearchOptions {
   double equal_gain = 0.85;            // share of the best one's gain
   double rival_errors = 2.0;           // z within which a law is not excluded
   double at_noise = 0.05;              // beyond the sensors' noise, of it: nothing to see
-  double errors_at_noise = 4.0;        // nor within so many of its standard errors
   double at_rounding = 1.3;            // times the noise, where that may be rounding
   double noise_multiple = 4.0;  // times it: what is left may be rounding, and a law must take
-  double least_gain_near_noise = 0.15;   // so much of the cost, or of white residuals
-  double evidence_near_noise = 25.0;     // such a chi-square
+  double least_gain_near_noise = 0.15;   // so much of the cost
   double least_gain_of_rounding = 0.25;  // a late channel: of the share that may be rounding
   double least_evidence = 0.0;           // chi-square of what the law takes of white residuals
   double no_skill = 0.95;                // of the signal

@@ -64,8 +64,6 @@ class DiagnosisBuilder {
     result_.after = extended_fit(from_.final->found());
     result_.validation_before = held_out(from_.final->as_given());
     result_.validation_after = held_out(from_.final->found());
-    result_.seconds_ahead =
-        from_.data->sample_time() * static_cast<double>(from_.final->found().horizon);
     result_.kept_out_change = change_of_kept_out();
     if (result_.kept_out_change) widen_errors(*result_.kept_out_change, result_.after);
     motion_ = from_.final->motion();
@@ -116,6 +114,7 @@ class DiagnosisBuilder {
       fit.trouble = "its simulation leaves all bounds";
       return fit;
     }
+    fit.seconds_ahead = from_.data->sample_time() * static_cast<double>(judged.horizon);
     const ExtendedLumpedModel& model = judged.fit.model;
     for (std::size_t i = 0; i < judged.fit.free.size(); ++i) {
       const std::size_t index = judged.fit.free[i];

@@ -383,7 +383,20 @@ OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns) 
   }
   offer_commands(columns, question);
   offer_goals(columns, question);
-  question.option += ", or --column NAME=torque";
+  bool has_still_drive = false;
+  for (const LogColumn* column : columns) {
+    using enum LogQuantity;
+    const LogQuantity quantity = column->words.quantity;
+    const bool is_drive =
+        quantity == kForce || quantity == kCurrent || quantity == kVoltage || quantity == kCommand;
+    if (!is_drive || column->moves() || column->values(0) == 0.0) continue;
+    has_still_drive = true;
+    question.option +=
+        fmt::format(", or --column '{}' if that drives and stays the same", answer_of(*column));
+    question.choices.push_back(
+        {fmt::format("'{}', which stays the same", column->name), {answer_of(*column)}});
+  }
+  if (!has_still_drive) question.option += ", or --column NAME=torque";
   return question;
 }
 

@@ -137,8 +137,7 @@ class MassModel {
     proposal_.notes.push_back(fmt::format(
         "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
         "speeds up against its drive. Either a spring or a weight holds the axis, and the signs "
-        "are "
-        "right as they are; or {} (start values are those of the turned drive)",
+        "are right as they are; or {} (start values are those of the turned drive)",
         start.inertia, inertia_unit(), 100.0 * start.spread, who_is_reversed()));
   }
 

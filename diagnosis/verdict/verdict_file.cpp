@@ -498,7 +498,7 @@ Json verdict_json(const Diagnosis& diagnosis, std::span<const Hypothesis> hypoth
        {{"before",
          fit_json(diagnosis.before, diagnosis.validation_before, diagnosis.noise_is_known)},
         {"after", fit_json(diagnosis.after, diagnosis.validation_after, diagnosis.noise_is_known)},
-        {"seconds_ahead", diagnosis.seconds_ahead},
+        {"seconds_ahead", diagnosis.after.seconds_ahead},
         {"validation_within_errors",
          diagnosis.validation_within_errors && diagnosis.noise_is_known
              ? number(diagnosis.validation_within_errors->chi_square_per_dof())

@@ -444,8 +444,9 @@ void add_fit(const char* recordings, const std::optional<Assessment>& before,
              std::vector<std::string>& lines) {
   if (!before || !after) return;
   if (before->nrmse == 0.0 && after->nrmse == 0.0) return;  // nothing was fitted
-  const std::string ahead =
-      diagnosis.seconds_ahead > 0.0 ? fmt::format(", {:.2g} s ahead", diagnosis.seconds_ahead) : "";
+  const std::string ahead = diagnosis.after.seconds_ahead > 0.0
+                                ? fmt::format(", {:.2g} s ahead", diagnosis.after.seconds_ahead)
+                                : "";
   std::string line = fmt::format("Error on {}{}: {:.4g} % before, {:.4g} % after", recordings,
                                  ahead, before->nrmse, after->nrmse);
   if (diagnosis.noise_is_known) {
