@@ -607,6 +607,16 @@ TEST_F(LogDoors, ADriveThatAControllerComputedIsTold) {
   EXPECT_FALSE(told(m.force));
 }
 
+// By its own quantity: its sizes are then told in its unit.
+TEST_F(LogDoors, ADriveThatStaysTheSameIsOffered) {
+  const DoorAxis m = door_axis(400, 0.01);
+  const std::string text = table_of({{"time [s]", m.time},
+                                     {"voltage [V]", VectorXd::Constant(400, 12.0)},
+                                     {"speed [rad/s]", m.velocity}});
+  EXPECT_TRUE(says(proposed(text), "--column 'voltage=voltage'")) << all_of(proposed(text));
+  EXPECT_TRUE(proposed(text, {"voltage=voltage"}).questions.empty());
+}
+
 // Seconds under a title of microseconds.
 TEST_F(LogDoors, TimesThatNoMachineIsSampledAtAreAsked) {
   const DoorAxis m = door_axis(400, 0.001);
