@@ -385,11 +385,7 @@ OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns) 
   offer_goals(columns, question);
   bool has_still_drive = false;
   for (const LogColumn* column : columns) {
-    using enum LogQuantity;
-    const LogQuantity quantity = column->words.quantity;
-    const bool is_drive =
-        quantity == kForce || quantity == kCurrent || quantity == kVoltage || quantity == kCommand;
-    if (!is_drive || column->moves() || column->values(0) == 0.0) continue;
+    if (!drives(column->words.quantity) || column->moves() || column->values(0) == 0.0) continue;
     has_still_drive = true;
     question.option +=
         fmt::format(", or --column '{}' if that drives and stays the same", answer_of(*column));
