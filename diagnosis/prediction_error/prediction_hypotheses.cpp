@@ -24,7 +24,9 @@ constexpr double kTurned = 1.0;  // rad, that tell a force of one turn from a sp
 
 // Simple laws win among equals (prediction_search.hpp).
 int complexity_of(const std::string& law, LocationKind kind) {
-  if (kind != LocationKind::kElement) return law == "dead_zone" || law == "curved_gain" ? 1 : 0;
+  if (kind != LocationKind::kElement) {
+    return law == "dead_zone" || law == "curved_gain" || law == "rate_limit" ? 1 : 0;
+  }
   for (const char* plain : {"viscous", "coulomb", "offset", "inertia", "gravity"}) {
     if (law == plain) return 0;
   }
@@ -259,6 +261,7 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
     add(place, yaml, "saturation");
     add(place, yaml, "dead_zone");
     add(place, yaml, "curved_gain");
+    add(place, yaml, "rate_limit");
   } else {
     add(place, yaml, "offset");
     using enum LumpedOutput::Quantity;
@@ -621,6 +624,15 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
     for (const double share : {0.8, 0.5, 0.3}) {
       const double limit = share * input_peaks_[channel];
       LawExtension law = amplitude(plain, {limit, 0.0}, 0, 1.0, true);
+      law.direction = {0.0, 0.0};
+      law.fixed = {false, true};
+      law.is_secant = true;
+      list.push_back(std::move(law));
+    }
+  } else if (plain.law == "rate_limit") {
+    for (const double share : {0.3, 0.1, 0.03, 0.01}) {  // of all that it goes, a sample
+      const double limit = 2.0 * share * input_peaks_[channel] / sample_time;
+      LawExtension law = amplitude(plain, {limit, sample_time}, 0, 1.0, true);
       law.direction = {0.0, 0.0};
       law.fixed = {false, true};
       law.is_secant = true;

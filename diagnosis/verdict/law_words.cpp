@@ -52,6 +52,7 @@ constexpr std::array<Predicate, 33> kPredicates{{
     {"gain", true, "gives more than it should", "gives less than it should"},
     {"curved_gain", true, "gives the more for each unit, the more is asked of it",
      "gives the less for each unit, the more is asked of it"},
+    {"rate_limit", true, "can't change faster than a limit"},
     {"offset", true, "is off by a constant"},
     {"rectifier", true, "reads no sign"},
     {"resonance", true, "reads what swings where it is measured, too (a flexible mode)"},

@@ -114,6 +114,20 @@ struct Lag {
   static void rest(const double*, double signal, double* x) { x[0] = signal; }
 };
 
+// s is replaced by x, which follows it within T and no faster than a limit. p: limit, T.
+struct RateLimit {
+  static constexpr int kParameters = 2, kStates = 1;
+  template <typename T>
+  static T force(const T*, const T& signal, const T&, const T* x) {
+    return x[0] - signal;
+  }
+  template <typename T>
+  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
+    change[0] = clip(T((signal - x[0]) / p[1]), p[0]);
+  }
+  static void rest(const double*, double signal, double* x) { x[0] = signal; }
+};
+
 }  // namespace
 
 std::vector<LawEntry> signal_laws() {
@@ -144,33 +158,38 @@ std::vector<LawEntry> signal_laws() {
 }
 
 std::vector<LawEntry> supplementary_signal_laws() {
-  return {{"feedthrough",
-           "s becomes s + gain d, d an input that drives it (driven_by)",
-           LawUse::kSignal,
-           {{"gain", "F/x", ParameterRange::kAny}},
-           make_law<Feedthrough>},
-          {"rectifier",
-           "s becomes s + share (|s| - s): a sensor that reads no sign where share is 1",
-           LawUse::kSignal,
-           {{"share", "1", ParameterRange::kAny}},
-           make_law<Rectifier>},
-          {"curved_gain",
-           "s becomes (1 + curvature |s|/reference) s",
-           LawUse::kSignal,
-           {{"curvature", "1", ParameterRange::kAny},
-            {.name = "reference",
-             .unit = "F",
-             .range = ParameterRange::kPositive,
-             .sets_scale = true}},
-           make_law<CurvedGain>},
-          {"resonance",
-           "s becomes s + participation x'', x'' + 2 z w x' + w^2 x = s: what swings where it is "
-           "measured",
-           LawUse::kSignal,
-           {{"participation", "1", ParameterRange::kAny},
-            {"frequency", "Hz", ParameterRange::kPositive},
-            {"damping_ratio", "1", ParameterRange::kNonNegative}},
-           make_law<Resonance>}};
+  return {
+      {"feedthrough",
+       "s becomes s + gain d, d an input that drives it (driven_by)",
+       LawUse::kSignal,
+       {{"gain", "F/x", ParameterRange::kAny}},
+       make_law<Feedthrough>},
+      {"rectifier",
+       "s becomes s + share (|s| - s): a sensor that reads no sign where share is 1",
+       LawUse::kSignal,
+       {{"share", "1", ParameterRange::kAny}},
+       make_law<Rectifier>},
+      {"curved_gain",
+       "s becomes (1 + curvature |s|/reference) s",
+       LawUse::kSignal,
+       {{"curvature", "1", ParameterRange::kAny},
+        {.name = "reference", .unit = "F", .range = ParameterRange::kPositive, .sets_scale = true}},
+       make_law<CurvedGain>},
+      {"rate_limit",
+       "s is replaced by x, which follows it no faster than a limit: x' = clip((s - x)/"
+       "time_constant, -limit, limit)",
+       LawUse::kSignal,
+       {{"limit", "F/s", ParameterRange::kPositive},
+        {"time_constant", "s", ParameterRange::kPositive}},
+       make_law<RateLimit>},
+      {"resonance",
+       "s becomes s + participation x'', x'' + 2 z w x' + w^2 x = s: what swings where it is "
+       "measured",
+       LawUse::kSignal,
+       {{"participation", "1", ParameterRange::kAny},
+        {"frequency", "Hz", ParameterRange::kPositive},
+        {"damping_ratio", "1", ParameterRange::kNonNegative}},
+       make_law<Resonance>}};
 }
 
 }  // namespace graybox

@@ -87,6 +87,18 @@ TEST(Laws, FollowTheirFormulas) {
   EXPECT_DOUBLE_EQ(static_force("dead_zone", {1.0}, 0.4, 0.0, true), -0.4);
 }
 
+// A step is followed at the limit, and a slow signal within the time constant.
+TEST(Laws, ARateLimitHoldsTheRate) {
+  const auto law = find_law("rate_limit", true)->make(std::vector<double>{5.0, 0.01});
+  double x = 0.0, rate = 0.0;
+  for (const auto& [signal, wanted] :
+       {std::pair{1.0, 5.0}, {-1.0, -5.0}, {0.02, 2.0}, {0.0, 0.0}}) {
+    law->state_rate(signal, 0.0, {&x, 1}, {&rate, 1});
+    EXPECT_NEAR(rate, wanted, 1e-12) << signal;
+    EXPECT_EQ(law->force(signal, 0.0, {&x, 1}), -signal);
+  }
+}
+
 // Its force and its slope are continuous, and outside the corner it is a sharp one.
 TEST(Laws, ASaturationsCornerIsRoundedAboutItsLimit) {
   const auto held = [](double s, double corner) {

@@ -209,5 +209,58 @@ TEST(SingleMovements, TellADriveWhoseGainBendsFromDragOrNameBoth) {
   }
 }
 
+// A servo that goes to its goal no faster than a limit: neither a lag nor a delay does that.
+TEST(SingleMovements, TellTheGoalThatCantChangeFaster) {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("axis.yaml"), R"(format: graybox-lumped/1
+sample_time: 0.01
+motion: rotation
+masses: {axis: 0.002}
+elements:
+  - {name: bearing, location: {kind: element, mass: axis}, law: viscous,
+     parameters: {damping: {value: 0.05, unit: N m s/rad}}}
+  - {name: servo, location: {kind: element, mass: axis}, law: stiffness,
+     parameters: {stiffness: {value: 1, unit: N m/rad, fixed: true}}}
+inputs: [{name: torque, mass: axis}]
+outputs: [{name: motion, mass: axis, quantity: position}]
+)");
+  testing::write_text(folder.file("campaign.yaml"), R"(format: graybox-campaign/1
+sample_time: 0.01
+channels:
+  - {name: torque, unit: N m, is: input}
+  - {name: motion, unit: rad, is: output}
+hold: zero
+experiments:
+  - {file: a.csv}
+  - {file: b.csv, role: validation}
+)");
+  constexpr double kLimit = 4.0;  // rad/s
+  for (const unsigned seed : {1U, 2U}) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> noise(0.0, 0.005);
+    std::uniform_real_distribution<double> goals(-1.5, 1.5);
+    std::string text = "torque,motion\n";
+    double goal = 0.0, held = 0.0, q = 0.0, v = 0.0;
+    for (int k = 0; k < 1500; ++k) {
+      if (k % 100 == 20) goal = goals(random);
+      text += fmt::format("{:.6f},{:.6f}\n", goal, q + noise(random));
+      for (int step = 0; step < 100; ++step) {
+        held += std::clamp(goal - held, -kLimit * 1e-4, kLimit * 1e-4);
+        v += 1e-4 * (held - q - 0.08 * v) / 0.001;
+        q += 1e-4 * v;
+      }
+    }
+    testing::write_text(folder.file(seed == 1 ? "a.csv" : "b.csv"), text);
+  }
+  const PredictionDiagnosis result = diagnosis_in(folder);
+  const FoundEffect* found = nullptr;
+  for (const FoundEffect& effect : result.diagnosis.effects) {
+    if (result.hypotheses[effect.law.hypothesis].law == "rate_limit") found = &effect;
+  }
+  ASSERT_NE(found, nullptr);
+  EXPECT_NEAR(found->law.parameters[0].value, kLimit, 0.05 * kLimit);
+  EXPECT_EQ(result.diagnosis.effects.size(), 1U);
+}
+
 }  // namespace
 }  // namespace graybox
