@@ -18,7 +18,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of its stiffness, or first parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 33> kPredicates{{
+constexpr std::array<Predicate, 34> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
