@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 namespace graybox {
 namespace {
@@ -40,6 +41,63 @@ void apply_lag(double time_constant, double step, Index channel, NodeInputs& dri
     x = a + b * (1.0 - behind) + excess * end;
   }
   drive.samples(channel, drive.samples.cols() - 1) = x;
+}
+
+// x' = clip((s - x)/T, -limit, limit), each half step in parts: in one the exact answer to the
+// middle of s, and no more than the limit.
+void apply_rate_limit(double limit, double time_constant, double step, Index channel,
+                      NodeInputs& drive) {
+  constexpr int kParts = 8;
+  const double part = 0.5 * step / kParts, most = limit * part,
+               follows = -std::expm1(-part / std::max(time_constant, 1e-12 * step));
+  const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
+  double x = drive.samples(channel, 0);
+  for (Index s = 0; s < steps; ++s) {
+    const double a = drive.nodes(channel, 3 * s);
+    const double b = drive.nodes(channel, 3 * s + 2) - a;
+    if (s % m == 0) drive.samples(channel, s / m) = x;
+    drive.nodes(channel, 3 * s) = x;
+    for (Index half = 1; half <= 2; ++half) {
+      for (int k = 0; k < kParts; ++k) {
+        const double t = 0.5 * static_cast<double>(half - 1) + (0.5 * k + 0.25) / kParts;
+        x += std::clamp((a + b * t - x) * follows, -most, most);
+      }
+      drive.nodes(channel, 3 * s + half) = x;
+    }
+  }
+  drive.samples(channel, drive.samples.cols() - 1) = x;
+}
+
+// Other laws with states: midpoint steps, sixteen a step.
+void apply_states(const Law& law, double step, Index channel, NodeInputs& drive) {
+  constexpr int kParts = 8;
+  const double part = 0.5 * step / kParts;
+  const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
+  const std::size_t count = law.state_count();
+  std::vector<double> x(count), middle(count), rate(count);
+  law.rest(drive.samples(channel, 0), x);
+  const auto advance = [&](double from, double to) {
+    law.state_rate(from, 0.0, x, rate);
+    for (std::size_t i = 0; i < count; ++i) middle[i] = x[i] + 0.5 * part * rate[i];
+    law.state_rate(0.5 * (from + to), 0.0, middle, rate);
+    for (std::size_t i = 0; i < count; ++i) x[i] += part * rate[i];
+  };
+  const auto passed = [&](double signal) { return signal + law.force(signal, 0.0, x); };
+  for (Index s = 0; s < steps; ++s) {
+    const double a = drive.nodes(channel, 3 * s);
+    const double b = drive.nodes(channel, 3 * s + 2) - a;
+    if (s % m == 0) drive.samples(channel, s / m) = passed(a);
+    drive.nodes(channel, 3 * s) = passed(a);
+    for (Index half = 1; half <= 2; ++half) {
+      for (int k = 0; k < kParts; ++k) {
+        const double t = 0.5 * static_cast<double>(half - 1) + 0.5 * k / kParts;
+        advance(a + b * t, a + b * (t + 0.5 / kParts));
+      }
+      drive.nodes(channel, 3 * s + half) = passed(a + 0.5 * b * static_cast<double>(half));
+    }
+  }
+  const Index last = drive.samples.cols() - 1;
+  drive.samples(channel, last) = passed(drive.samples(channel, last));
 }
 
 void apply_static(const Law& law, Index channel, Index driver, NodeInputs& drive) {
@@ -93,6 +151,10 @@ const NodeInputs& DriveSignals::of(std::size_t recording, const LumpedModel& mod
     const Index channel = part.location.channel;
     if (part.law_name == "lag") {
       apply_lag(part.parameters[0], step, channel, changed_);
+    } else if (part.law_name == "rate_limit") {
+      apply_rate_limit(part.parameters[0], part.parameters[1], step, channel, changed_);
+    } else if (part.law->state_count() > 0) {
+      apply_states(*part.law, step, channel, changed_);
     } else {
       apply_static(*part.law, channel, part.location.driver, changed_);
     }

@@ -71,6 +71,54 @@ TEST(Predictor, DryFrictionHoldsExactlyBelowItsLevel) {
   EXPECT_EQ(y.cwiseAbs().maxCoeff(), 0.0);
 }
 
+// What a law of the actuator makes of a command that is held between samples.
+NodeInputs acted(const std::string& law, const std::vector<double>& parameters,
+                 const VectorXd& command) {
+  LumpedModel model = mass_with(kDryFriction, "velocity");
+  Element element;
+  element.law_name = law;
+  element.parameters = parameters;
+  element.law = find_law(law, true)->make(parameters);
+  element.location.kind = LocationKind::kActuator;
+  element.location.channel = 0;
+  model.parts.push_back(element);
+  const std::vector<OutputErrorRecording> recordings{
+      {.name = {}, .time = {}, .inputs = command, .outputs = {}}};
+  const RecordedNodes recorded = recorded_nodes(recordings, InputHold::kZero, 1);
+  DriveSignals signals(recordings, InputHold::kZero, recorded);
+  return signals.of(0, model, kSampleTime);
+}
+
+// A ramp at the limit, then the goal; and a lag where the limit is far off.
+TEST(DriveSignals, ARateLimitRampsToItsGoal) {
+  VectorXd command = VectorXd::Zero(60);
+  command.tail(50).setConstant(1.0);
+  const double per_sample = 0.1;
+  const NodeInputs limited =
+      acted("rate_limit", {per_sample / kSampleTime, 1e-6 * kSampleTime}, command);
+  for (Index k = 0; k < 60; ++k) {
+    const double wanted = std::clamp(per_sample * static_cast<double>(k - 10), 0.0, 1.0);
+    EXPECT_NEAR(limited.samples(0, k), wanted, 1e-9) << k;
+  }
+  const double lag = 5.0 * kSampleTime;
+  const NodeInputs slow = acted("rate_limit", {1e9, lag}, command);
+  const NodeInputs lagged = acted("lag", {lag}, command);
+  EXPECT_LT((slow.samples - lagged.samples).cwiseAbs().maxCoeff(), 1e-12);
+}
+
+// s + p x'' of a spring that swings: one period after a step it is where it was.
+TEST(DriveSignals, AResonanceSwings) {
+  VectorXd command = VectorXd::Zero(120);
+  command.tail(110).setConstant(1.0);
+  const double period = 40.0 * kSampleTime;
+  const NodeInputs drive = acted("resonance", {0.1, 1.0 / period, 0.0}, command);
+  // x'' = cos(w t) after the step of x'' + w^2 x = s from rest.
+  for (Index k = 11; k < 100; ++k) {
+    const double angle = 2.0 * std::numbers::pi * static_cast<double>(k - 10) / 40.0;
+    EXPECT_NEAR(drive.samples(0, k), 1.0 + 0.1 * std::cos(angle), 1e-3) << k;
+  }
+}
+
 TEST(Predictor, AHeldMassDoesNotCreep) {
   const VectorXd y =
       predicted(mass_with(kDryFriction), VectorXd::Constant(500, 2.9), Eigen::Vector2d(0.4, 0));
