@@ -43,27 +43,16 @@ void apply_lag(double time_constant, double step, Index channel, NodeInputs& dri
   drive.samples(channel, drive.samples.cols() - 1) = x;
 }
 
-// x' = clip((s - x)/T, -limit, limit), each half step in parts: in one the exact answer to the
-// middle of s, and no more than the limit.
-void apply_rate_limit(double limit, double time_constant, double step, Index channel,
-                      NodeInputs& drive) {
-  constexpr int kParts = 8;
-  const double part = 0.5 * step / kParts, most = limit * part,
-               follows = -std::expm1(-part / std::max(time_constant, 1e-12 * step));
+void apply_rate_limit(const RateLimitStep& law, Index channel, NodeInputs& drive) {
   const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
   double x = drive.samples(channel, 0);
   for (Index s = 0; s < steps; ++s) {
-    const double a = drive.nodes(channel, 3 * s);
-    const double b = drive.nodes(channel, 3 * s + 2) - a;
+    const double a = drive.nodes(channel, 3 * s), b = drive.nodes(channel, 3 * s + 2),
+                 middle = 0.5 * (a + b);
     if (s % m == 0) drive.samples(channel, s / m) = x;
     drive.nodes(channel, 3 * s) = x;
-    for (Index half = 1; half <= 2; ++half) {
-      for (int k = 0; k < kParts; ++k) {
-        const double t = 0.5 * static_cast<double>(half - 1) + (0.5 * k + 0.25) / kParts;
-        x += std::clamp((a + b * t - x) * follows, -most, most);
-      }
-      drive.nodes(channel, 3 * s + half) = x;
-    }
+    drive.nodes(channel, 3 * s + 1) = x = law.from(x, a, middle);
+    drive.nodes(channel, 3 * s + 2) = x = law.from(x, middle, b);
   }
   drive.samples(channel, drive.samples.cols() - 1) = x;
 }
@@ -123,6 +112,18 @@ Eigen::VectorXd delays_of(const LumpedModel& model, Index channels, double sampl
 
 }  // namespace
 
+RateLimitStep::RateLimitStep(double limit, double time_constant, double seconds)
+    : most_(limit * seconds / kParts),
+      follows_(-std::expm1(-seconds / kParts / std::max(time_constant, 1e-12 * seconds))) {}
+
+double RateLimitStep::from(double x, double before, double now) const {
+  for (int k = 0; k < kParts; ++k) {
+    const double signal = before + (now - before) * (k + 0.5) / kParts;
+    x += std::clamp((signal - x) * follows_, -most_, most_);
+  }
+  return x;
+}
+
 RecordedNodes recorded_nodes(std::span<const OutputErrorRecording> recordings, InputHold hold,
                              int steps_per_sample) {
   RecordedNodes nodes;
@@ -152,7 +153,7 @@ const NodeInputs& DriveSignals::of(std::size_t recording, const LumpedModel& mod
     if (part.law_name == "lag") {
       apply_lag(part.parameters[0], step, channel, changed_);
     } else if (part.law_name == "rate_limit") {
-      apply_rate_limit(part.parameters[0], part.parameters[1], step, channel, changed_);
+      apply_rate_limit({part.parameters[0], part.parameters[1], 0.5 * step}, channel, changed_);
     } else if (part.law->state_count() > 0) {
       apply_states(*part.law, step, channel, changed_);
     } else {

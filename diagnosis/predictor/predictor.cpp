@@ -9,6 +9,8 @@
 #include <string_view>
 #include <unsupported/Eigen/MatrixFunctions>
 
+#include "diagnosis/predictor/drive_signals.hpp"
+
 namespace graybox {
 namespace {
 
@@ -185,6 +187,11 @@ void Predictor::place_sensors(const LumpedModel& model) {
       sensor.kind = Sensor::Kind::kLag;
       sensor.time_constant = part.parameters[0];
       sensor.state = states_++;
+    } else if (part.law_name == "rate_limit") {
+      sensor.kind = Sensor::Kind::kRateLimit;
+      sensor.limit = part.parameters[0];
+      sensor.time_constant = part.parameters[1];
+      sensor.state = states_++;
     } else if (part.law_name == "resonance") {
       place_resonance(part, sensor);
     } else {
@@ -222,7 +229,7 @@ void Predictor::place_resonance(const Element& part, Sensor& sensor) {
 }
 
 double Predictor::after(const Sensor& sensor, double signal) const {
-  if (sensor.kind == Sensor::Kind::kLag) return x_(sensor.state);
+  if (sensor.kind != Sensor::Kind::kResonance) return x_(sensor.state);
   const std::vector<double>& p = sensor.resonance;
   const double w = 2.0 * std::numbers::pi * p[1];
   return signal + p[0] * (signal - w * (w * x_(sensor.state) + 2.0 * p[2] * x_(sensor.state + 1)));
@@ -235,9 +242,14 @@ void Predictor::follow(const Sensor& sensor, double before, double now) {
                                       .eval();
     return;
   }
+  double& x = x_(sensor.state);
+  if (sensor.kind == Sensor::Kind::kRateLimit) {
+    x = RateLimitStep(sensor.limit, sensor.time_constant, step_).from(x, before, now);
+    return;
+  }
   const double r = step_ / std::max(sensor.time_constant, 1e-12 * step_);
   const double end = std::exp(-r), mean = (1.0 - end) / r;
-  x_(sensor.state) = end * x_(sensor.state) + (mean - end) * before + (1.0 - mean) * now;
+  x = end * x + (mean - end) * before + (1.0 - mean) * now;
 }
 
 void Predictor::allocate() {

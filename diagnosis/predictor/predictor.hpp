@@ -106,11 +106,12 @@ class Predictor {
     Eigen::VectorXd velocity_by;                     // M^-1 b, of the free coordinates
   };
   struct Sensor {
-    enum class Kind : std::int8_t { kLaw, kLag, kResonance };
+    enum class Kind : std::int8_t { kLaw, kLag, kRateLimit, kResonance };
     Kind kind = Kind::kLaw;
     std::shared_ptr<const Law> law;
     Eigen::Index driver = -1;
-    double time_constant = 0.0;     // of a lag
+    double time_constant = 0.0;     // of a lag, or of a rate limit
+    double limit = 0.0;             // of a rate limit
     std::vector<double> resonance;  // its parameters
     // Of its states, from one sample to the next: what is kept, what the signal and its change add.
     Eigen::Matrix2d kept;

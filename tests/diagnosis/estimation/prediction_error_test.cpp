@@ -106,6 +106,16 @@ TEST(DriveSignals, ARateLimitRampsToItsGoal) {
   EXPECT_LT((slow.samples - lagged.samples).cwiseAbs().maxCoeff(), 1e-12);
 }
 
+// A mass that coasts at 1 m/s, read by a sensor that follows at half of that.
+TEST(Predictor, ASensorReadsNoFasterThanItsLimit) {
+  const VectorXd y = predicted(
+      mass_with("  - {name: slow, location: {kind: sensor, output: y}, law: rate_limit, "
+                "parameters: {limit: {value: 0.5, unit: m/s}, time_constant: {value: 1e-6, unit: "
+                "s}}}\n"),
+      VectorXd::Zero(50), Eigen::Vector2d(0, 1));
+  for (Index k = 0; k < 50; ++k) EXPECT_NEAR(y(k), 0.5 * kSampleTime * k, 1e-9) << k;
+}
+
 // s + p x'' of a spring that swings: one period after a step it is where it was.
 TEST(DriveSignals, AResonanceSwings) {
   VectorXd command = VectorXd::Zero(120);
