@@ -36,16 +36,17 @@ bool is_log(const std::string& file) {
 [[noreturn]] void refuse_log(const std::string& command, const std::string& file,
                              const char* wanted) {
   throw InputError(
-      fmt::format("{} is a log, not a {}: `graybox model --one-mass {} -o machine` (or --two-masses, "
-                  "or a URDF) proposes a model and a campaign; then `graybox {} machine`",
+      fmt::format("{} is a log, not a {}: `graybox model --one-mass {} -o machine` (or "
+                  "--two-masses, or a URDF) proposes a model and a campaign; then "
+                  "`graybox {} machine`",
                   file, wanted, file, command));
 }
 
 [[noreturn]] void refuse_urdf(const std::string& command, const std::string& file,
                               const std::string& log) {
   throw InputError(
-      fmt::format("{} is a URDF, not a model: `graybox model {} {} -o machine` proposes a model and "
-                  "a campaign; then `graybox {} machine`",
+      fmt::format("{} is a URDF, not a model: `graybox model {} {} -o machine` proposes a model "
+                  "and a campaign; then `graybox {} machine`",
                   file, file, is_log(log) ? log : "LOG.csv", command));
 }
 

@@ -13,9 +13,9 @@
 //      a weight at one, or a spring and where it rests; taken if they leave less than 80 % of what
 //      the best single law does
 //   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
-//      than 3 %, 10 % by a law that few machines have, 15 % near the noise (or a chi-square of 25 of
-//      white residuals, where nothing is rounded; late channels a quarter of what may be rounding),
-//      and the frictions do not feed energy in (friction_energy.hpp); among those not told from the
+//      than 3 %, 10 % by a law that few machines have, 15 % near the noise (or a chi-square of 25
+//      of white residuals, where nothing is rounded; late channels a quarter of what may be
+//      rounding), and the frictions do not feed energy in (friction_energy.hpp); among those not told from the
 //      best, the plainest
 //   5. prune: drop every law found that is not missed (is_idle); again from 2
 //

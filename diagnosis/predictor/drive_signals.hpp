@@ -33,8 +33,8 @@ using RecordedNodes = std::vector<NodeInputs>;
 [[nodiscard]] RecordedNodes recorded_nodes(std::span<const OutputErrorRecording> recordings,
                                            InputHold hold, int steps_per_sample);
 
-// A rate limit x' = clip((s - x)/T, -limit, limit) over so many seconds, in eight parts: in each the
-// exact answer to the middle of s, and no more than the limit.
+// A rate limit x' = clip((s - x)/T, -limit, limit) over so many seconds, in eight parts: in each
+// the exact answer to the middle of s, and no more than the limit.
 class RateLimitStep {
  public:
   RateLimitStep(double limit, double time_constant, double seconds);

@@ -29,8 +29,8 @@ struct DriveManner {
 // Whether two columns tell other things: a correlation below 0.9, of either sign.
 [[nodiscard]] bool disagree(const LogColumn& a, const LogColumn& b);
 
-// What a sum of a constant and of these signals leaves of the drive, of its deviation; none: too few
-// samples, or a constant drive.
+// What a sum of a constant and of these signals leaves of the drive, of its deviation; none: too
+// few samples, or a constant drive.
 [[nodiscard]] std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
                                                      const std::vector<Eigen::VectorXd>& measured);
 

@@ -78,7 +78,8 @@ class DriveSearch {
     find_wrap_of_drive();
   }
 
-  // A controller's log: "target, current, pwm". Nothing else moves there, and another column drives.
+  // A controller's log: "target, current, pwm". Nothing else moves there, and another column
+  // drives.
   bool may_be_measured_value(const LogColumn& chosen) {
     const bool is_bare = chosen.words.quantity == LogQuantity::kCurrent && !chosen.answered &&
                          chosen.words.unit.empty() && chosen.words.odd_unit.empty();

@@ -62,9 +62,9 @@
 // not linear was found; it is null where none was. Numbers that are not known are null. Where the
 // noise is known, the flag `predicts_kept_out` is false if recordings kept out are predicted within
 // the errors of the fitted parameters only. Where it is not, the flag is false if none were kept
-// out, or a test of their error failed. Of an alternative, `on_few_recordings` is true where few of many
-// recordings excluded the law. The flag `contradicted` is true where recordings kept out excluded
-// it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
+// out, or a test of their error failed. Of an alternative, `on_few_recordings` is true where few
+// of many recordings excluded the law. The flag `contradicted` is true where recordings kept out
+// excluded it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
 // to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the
 // search takes leave more than noise. The field `time_variation` is null where nothing was seen to
 // change while it is recorded (time_variation.hpp). Whether that could be told says
