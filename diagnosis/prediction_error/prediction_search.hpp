@@ -15,8 +15,8 @@
 //   4. accept if z > 3 (left_out_blocks.hpp; late channels by z_of_law), the cost falls by more
 //      than 3 %, 10 % by a law that few machines have, 15 % near the noise (or a chi-square of 25
 //      of white residuals, where nothing is rounded; late channels a quarter of what may be
-//      rounding), and the frictions do not feed energy in (friction_energy.hpp); among those not told from the
-//      best, the plainest
+//      rounding), and the frictions do not feed energy in (friction_energy.hpp); among those not
+//      told from the best, the plainest
 //   5. prune: drop every law found that is not missed (is_idle); again from 2
 //
 // Where errors grow with the horizon (the plant does not forget) a disturbance hides small laws. So

@@ -64,20 +64,20 @@
 // the errors of the fitted parameters only. Where it is not, the flag is false if none were kept
 // out, or a test of their error failed. Of an alternative, `on_few_recordings` is true where few
 // of many recordings excluded the law. The flag `contradicted` is true where recordings kept out
-// excluded it. The flag `with_free_motion` is true where it was so far behind that it was not fitted again
-// to recordings freed of free motion. The flag `rivals_weighed` is false where as many laws as the
-// search takes leave more than noise. The field `time_variation` is null where nothing was seen to
-// change while it is recorded (time_variation.hpp). Whether that could be told says
-// `time_variation_tested`. The list `trends` (law_trend.hpp) says of each law found, where the
-// noise is not known, with what its parameter changes most: `time`, `position`, `speed` or
-// `direction`. The list `departures` (law_departure.hpp) has places where the laws
-// found only resemble what is there, and the law that would explain most of the rest. Whether that
-// could be asked says `shapes_compared` (noise known, the rest no more than that, another law to
-// ask for). The list `shared_characteristics` has places where several laws describe one spring or
-// friction. A parameter that `sets_scale` is stated: with another value the law's other sizes
-// scale, and the force is the same. Sizes that count for that value alone have no standard error,
-// but a `conditional_error`. The field `next_experiment` (next_experiment.hpp) is null where
-// nothing is to be told apart or nothing could tell.
+// excluded it. The flag `with_free_motion` is true where it was so far behind that it was not
+// fitted again to recordings freed of free motion. The flag `rivals_weighed` is false where as
+// many laws as the search takes leave more than noise. The field `time_variation` is null where
+// nothing was seen to change while it is recorded (time_variation.hpp). Whether that could be told
+// says `time_variation_tested`. The list `trends` (law_trend.hpp) says of each law found, where
+// the noise is not known, with what its parameter changes most: `time`, `position`, `speed` or
+// `direction`. The list `departures` (law_departure.hpp) has places where the laws found only
+// resemble what is there, and the law that would explain most of the rest. Whether that could be
+// asked says `shapes_compared` (noise known, the rest no more than that, another law to ask for).
+// The list `shared_characteristics` has places where several laws describe one spring or friction.
+// A parameter that `sets_scale` is stated: with another value the law's other sizes scale, and the
+// force is the same. Sizes that count for that value alone have no standard error, but a
+// `conditional_error`. The field `next_experiment` (next_experiment.hpp) is null where nothing is
+// to be told apart or nothing could tell.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
