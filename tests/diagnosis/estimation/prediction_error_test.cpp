@@ -113,7 +113,8 @@ TEST(Predictor, ASensorReadsNoFasterThanItsLimit) {
                 "parameters: {limit: {value: 0.5, unit: m/s}, time_constant: {value: 1e-6, unit: "
                 "s}}}\n"),
       VectorXd::Zero(50), Eigen::Vector2d(0, 1));
-  for (Index k = 0; k < 50; ++k) EXPECT_NEAR(y(k), 0.5 * kSampleTime * k, 1e-9) << k;
+  for (Index k = 0; k < 50; ++k)
+    EXPECT_NEAR(y(k), 0.5 * kSampleTime * static_cast<double>(k), 1e-9) << k;
 }
 
 // s + p x'' of a spring that swings: one period after a step it is where it was.
