@@ -188,15 +188,7 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
     if (model.inputs[c].kind == LumpedInput::Kind::kForce) {
       add_signal(LocationKind::kActuator, c, model);
     }
-    double peak = 0.0, squares = 0.0, samples = 0.0;
-    for (const OutputErrorRecording& recording : data.recordings()) {
-      const auto column = recording.inputs.col(static_cast<Index>(c));
-      peak = std::max(peak, column.cwiseAbs().maxCoeff());
-      squares += column.squaredNorm();
-      samples += static_cast<double>(column.size());
-    }
-    input_peaks_.push_back(peak);
-    input_scales_.push_back(std::sqrt(squares / std::max(samples, 1.0)));
+    measure_input(static_cast<Index>(c), data);
   }
   for (std::size_t c = 0; c < model.outputs.size(); ++c) {
     add_signal(LocationKind::kSensor, c, model);
@@ -271,6 +263,24 @@ void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
   }
   const bool is_told = is_actuator ? has_known_scale_ : names.size() > 1;
   if (is_told) add(place, yaml, "gain");
+}
+
+void PredictionHypotheses::measure_input(Index channel, const PredictionData& data) {
+  constexpr double kLow = 0.05, kHigh = 0.9, kBetween = 0.02;  // of the peak; of the samples
+  double peak = 0.0, squares = 0.0, samples = 0.0, between = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    const auto column = recording.inputs.col(channel);
+    peak = std::max(peak, column.cwiseAbs().maxCoeff());
+    squares += column.squaredNorm();
+    samples += static_cast<double>(column.size());
+  }
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    const auto sizes = recording.inputs.col(channel).array().abs();
+    between += static_cast<double>((sizes > kLow * peak && sizes < kHigh * peak).count());
+  }
+  input_peaks_.push_back(peak);
+  input_scales_.push_back(std::sqrt(squares / std::max(samples, 1.0)));
+  has_sizes_between_.push_back(between > kBetween * samples);
 }
 
 std::optional<std::size_t> PredictionHypotheses::at_sensor(std::size_t output,
@@ -616,7 +626,7 @@ void PredictionHypotheses::extend_signal(std::size_t hypothesis, const ExtendedL
     list.push_back(amplitude(plain, {0.0}, 0, 1.0, false));
   } else if (plain.law == "offset" || plain.law == "dead_zone") {
     list.push_back(amplitude(plain, {0.0}, 0, size, plain.law == "dead_zone"));
-  } else if (plain.law == "curved_gain") {
+  } else if (plain.law == "curved_gain" && has_sizes_between_[channel]) {
     LawExtension law = amplitude(plain, {0.0, input_peaks_[channel]}, 0, 1.0, false);
     law.fixed = {false, true};
     list.push_back(std::move(law));

@@ -60,6 +60,7 @@ class PredictionHypotheses {
   void add_place(const Location& place, const std::string& yaml);
   void add_load_friction(const Location& mass, Eigen::Index at, const LumpedModel& model);
   void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
+  void measure_input(Eigen::Index channel, const PredictionData& data);
   void add(const Location& place, const std::string& yaml, const std::string& law);
   void extend_force(std::size_t hypothesis, const ExtendedLumpedModel& present, const MotionAt& at,
                     const std::vector<RippleTrial>& ripples, std::vector<LawExtension>& list) const;
@@ -88,6 +89,7 @@ class PredictionHypotheses {
   std::vector<Hypothesis> hypotheses_;
   std::vector<Location> locations_;
   std::vector<double> input_peaks_, input_scales_;
+  std::vector<bool> has_sizes_between_;  // of inputs: a drive that is on or off shows no curve
   double held_at_standstill_ = 0.0;
   bool rotates_ = false;
   bool measures_position_ = false;  // some output is a position

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace graybox {
 namespace {
@@ -80,9 +81,14 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
 }  // namespace
 
 bool is_one_mass_alone(const LumpedModel& model) {
-  return model.mass_names.size() == 1 && !model.has_imposed_motion() &&
-         std::ranges::all_of(model.parts,
-                             [](const Element& part) { return part.law_name == "viscous"; });
+  if (model.mass_names.size() != 1 || model.has_imposed_motion()) return false;
+  std::size_t next = model.parameters.size();
+  for (const Element& part : model.parts) next -= part.parameters.size();
+  return std::ranges::all_of(model.parts, [&](const Element& part) {
+    const std::size_t first = std::exchange(next, next + part.parameters.size());
+    const bool is_known_spring = part.law_name == "stiffness" && model.parameters[first].fixed;
+    return part.law_name == "viscous" || is_known_spring;
+  });
 }
 
 bool ParameterSpace::may_vanish() const { return low < 10.0 * kVanishing * scale; }

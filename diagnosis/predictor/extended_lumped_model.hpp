@@ -66,7 +66,8 @@ struct LawExtension {
   int complexity = 0;
 };
 
-// Whether one mass that moves by itself is all that the model has besides dampers.
+// Whether one mass that moves by itself is all that the model has besides dampers, and springs of a
+// known stiffness, as a servo's.
 [[nodiscard]] bool is_one_mass_alone(const LumpedModel& model);
 
 // `factor`: how far masses and springs may move.

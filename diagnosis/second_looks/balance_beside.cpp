@@ -48,15 +48,17 @@ bool is_worth_more(const Diagnosis& balanced, const RigidRobotModel& drive,
   return is_nearer && short_of > kFar;
 }
 
-// Whether the prediction error has found what takes nearly all of the force, and nothing of what is
-// left depends on the motion. A balance can't find more then, and recordings that differ stay so.
+// Whether the prediction error has found what takes nearly all of the force, and next to nothing of
+// what is left depends on the motion. A balance can't find more then, and recordings that differ
+// stay so.
 bool accounts_for_force(const DiagnosisAnswer& predicted) {
-  constexpr double kNearly = 10.0;  // % of the forces that act
+  constexpr double kNearly = 10.0, kNextToNothing = 5.0;  // % of the forces that act
   const Diagnosis& diagnosis = predicted.diagnosis;
   const std::optional<double> left = force_left(diagnosis);
   const bool depends_on_motion =
       std::ranges::any_of(diagnosis.reasons, [](const VerdictReason& reason) {
-        return reason.test.starts_with("force left that depends on") && has_failed(reason);
+        return reason.test.starts_with("force left that depends on") && has_failed(reason) &&
+               reason.value.value_or(100.0) > kNextToNothing;
       });
   return predicted.by_prediction.doubt.empty() && !diagnosis.effects.empty() && left &&
          *left < kNearly && !depends_on_motion && is_of_a_machine(diagnosis) &&

@@ -209,6 +209,22 @@ TEST(SingleMovements, TellADriveWhoseGainBendsFromDragOrNameBoth) {
   }
 }
 
+// What is on or off shows no curve of its gain.
+TEST(SingleMovements, TellNoCurveOfADriveOfTwoLevels) {
+  const testing::TemporaryFolder folder;
+  write_axis(folder, 0.005, 0.05, 1.0, true, true);
+  const std::vector<double> torques{0, 60, 0, 60, 0, 0, 60, 60, 0, 60, 0, 0};
+  testing::write_text(folder.file("a.csv"), driven_log(torques, 40, 1.0, 0.0, 0.01, 1));
+  testing::write_text(folder.file("b.csv"), driven_log(torques, 40, 1.0, 0.0, 0.01, 2));
+  const PredictionDiagnosis result = diagnosis_in(folder);
+  for (const FoundEffect& effect : result.diagnosis.effects) {
+    EXPECT_NE(result.hypotheses[effect.law.hypothesis].law, "curved_gain");
+    for (const Rival& rival : effect.rivals) {
+      EXPECT_NE(result.hypotheses[rival.law.hypothesis].law, "curved_gain");
+    }
+  }
+}
+
 // A servo that goes to its goal no faster than a limit: neither a lag nor a delay does that.
 TEST(SingleMovements, TellTheGoalThatCantChangeFaster) {
   const testing::TemporaryFolder folder;
