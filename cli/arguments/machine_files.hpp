@@ -4,8 +4,7 @@
 //   ...
 //   find_machine_files("diagnose", request.model, request.campaign);
 //
-// A folder that `graybox model` wrote stands for both. A log or a URDF is neither: the line that
-// refuses it names the command that makes both from it.
+// A folder that `graybox model` wrote stands for both.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -16,8 +15,8 @@ namespace graybox::cli {
 void add_machine_files(CLI::App& command, std::string& model, std::string& campaign,
                        const std::string& model_words = "model file (YAML)");
 
-// `command`: the name of the command that asks. Throws InputError where a file is missing, or is
-// none of these two.
+// `command`: the name of the command that asks. Throws InputError where the campaign is missing;
+// for a log or a URDF alone the line names the command that makes a model of it.
 void find_machine_files(const std::string& command, std::string& model, std::string& campaign);
 
 }  // namespace graybox::cli

@@ -106,6 +106,7 @@ class DriveSearch {
     };
     proposal_.questions.push_back(question);
     machine_.likely_drive = *drive;
+    machine_.open.push_back(&chosen);
     return true;
   }
 

@@ -98,22 +98,18 @@ channels: {torque: [torque], torque_of: arm, position: [q], position_of: arm, ve
   EXPECT_NE(refused.err.find("the body of pendulum is unknown"), std::string::npos) << refused.err;
 }
 
-// The line says which command makes a model of it.
+// Alone, too, a log or a URDF is told which command makes a model of it.
 TEST_F(Predict, ALogOrAUrdfIsNoModel) {
   write_text(folder_.file("run.csv"), "time,voltage,speed\n0,1,0\n");
   write_text(folder_.file("arm.urdf"), "<robot name='arm'/>\n");
+  write_text(folder_.file("model.yaml"), "format: graybox-lumped/1\n");
   for (const char* command : {"predict", "fit", "diagnose"}) {
     const std::string name = command;
-    expect_refused(name + " run.csv", "graybox model --one-mass run.csv -o machine");
-    expect_refused(name + " run.csv", "then `graybox " + name + " machine`");
-    expect_refused(name + " arm.urdf run.csv", "graybox model arm.urdf run.csv -o machine");
-    expect_refused(name + " model.yaml run.csv", "is a log, not a campaign");
-    expect_refused(name + " model.yaml", "CAMPAIGN");
+    expect_refused(name + " run.csv", "'graybox model run.csv'");
+    expect_refused(name + " arm.urdf", "'graybox model arm.urdf LOG.csv'");
+    expect_refused(name + " model.yaml", "graybox " + name + " model.yaml CAMPAIGN");
+    expect_refused(name + " nothing", "nothing");
   }
-  // What says its format is read as that, whatever it is called.
-  write_text(folder_.file("model.txt"), "format: graybox-lumped/1\n");
-  const Outcome called = graybox("predict model.txt .");
-  EXPECT_EQ(called.err.find("is a log"), std::string::npos) << called.err;
 }
 
 // A mass that flies against a viscous friction. Its model is exact, but of the first sample the
