@@ -27,7 +27,13 @@ void find_machine_files(const std::string& command, std::string& model, std::str
     if (campaign.empty()) campaign = (folder / "campaign.yaml").string();
   }
   if (!campaign.empty()) return;
-  static_cast<void>(YamlField::load(model));  // a log or a URDF is told what makes a model of it
+  // A log or a URDF is told what makes a model of it.
+  const YamlField file = YamlField::load(model);
+  if (file.has("format") && file.at("format").text().starts_with("graybox-campaign/")) {
+    throw InputError(
+        fmt::format("{}: is a campaign: say the model before it: `graybox {} MODEL {}`", model,
+                    command, model));
+  }
   throw InputError(fmt::format(
       "campaign: missing: say `graybox {} {} CAMPAIGN`, a graybox-campaign/1 file or its folder",
       command, model));

@@ -79,6 +79,23 @@ class MassCampaign {
                     machine_.force_name(), machine_.force_unit()));
   }
 
+  void require_goal_of_position(const Unit& unit, bool is_stated) const {
+    const std::string& name = machine_.drive->name;
+    if (is_stated && unit.base != (machine_.is_linear() ? "m" : "rad")) {
+      throw InputError(fmt::format(
+          "{}: column '{}': a goal in {} is none of a position in {}: say its unit by --column "
+          "'{}=goal:{}'",
+          machine_.drive->file_name, name, unit.name, machine_.motions.front().unit, name,
+          machine_.is_linear() ? "mm" : "deg"));
+    }
+    if (machine_.motions.front().is_wrapped) {
+      throw InputError(fmt::format(
+          "{}: column '{}': the position wraps, and whether its goal is a whole turn away then "
+          "can't be known: unwrap both in the log",
+          machine_.drive->file_name, name));
+    }
+  }
+
   // Behind the motion, whose unit the goal has where none is stated. The servo's spring to the goal
   // is the goal as a force, and a spring to zero in the model.
   void add_goal_channel() {
@@ -89,8 +106,10 @@ class MassCampaign {
           "recorded; say which by --column NAME=position",
           machine_.drive->name));
     }
-    const bool is_stated = !machine_.drive->words.unit.empty();
-    const Unit* unit = find_unit(is_stated ? machine_.drive->words.unit : motion.unit);
+    const std::string& own = machine_.drive->words.unit;
+    const bool is_stated = !own.empty() && own != motion.unit;
+    const Unit* unit = find_unit(is_stated ? own : motion.unit);
+    require_goal_of_position(*unit, is_stated);
     machine_.goal_factor = is_stated ? unit->factor : motion.factor;
     machine_.force_factor = machine_.request.gain.value_or(1.0);
     const std::string gain = fmt::format("{{value: {:.10g}, unit: \"{}/{}\"}}",

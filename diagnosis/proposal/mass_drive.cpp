@@ -37,7 +37,18 @@ class DriveSearch {
 
   void choose_the_drive() {
     machine_.drive = machine_.likely_drive = goal_among(machine_.columns);
-    if (machine_.drive != nullptr) return take_goal();
+    if (machine_.drive != nullptr) {
+      require_numbers(*machine_.drive);
+      if (machine_.request.no_drive) {
+        throw InputError(fmt::format(
+            "--no-drive: '{}' is the goal of a servo, which drives: leave one of both out",
+            machine_.drive->name));
+      }
+      return take_goal();
+    }
+    for (const LogColumn* column : machine_.columns) {
+      if (column->answered && drives(column->words.quantity)) require_numbers(*column);
+    }
     if (machine_.request.no_drive) {
       add_guess(proposal_, "drive", "nothing", "you said so: no force acts in these logs");
       return;
@@ -108,6 +119,12 @@ class DriveSearch {
     machine_.likely_drive = *drive;
     machine_.open.push_back(&chosen);
     return true;
+  }
+
+  static void require_numbers(const LogColumn& column) {
+    if (column.values.array().isFinite().any()) return;
+    throw InputError(fmt::format("{}: column '{}' holds no numbers: name another column",
+                                 column.file_name, column.name));
   }
 
   // The drive of a position servo: the difference of its goal and the position.

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "problems/base/units.hpp"
 #include "problems/laws/law_lists.hpp"
 
 namespace graybox {
@@ -75,6 +76,7 @@ std::string unit_below(const std::string& unit) {
 }
 
 std::string unit_at(std::string_view unit, const PlaceUnits& place) {
+  if (unit == "F/s") return unit_of_derivative(place.force);
   std::string text;
   for (const char letter : unit) {
     switch (letter) {

@@ -103,12 +103,14 @@ TEST_F(Predict, ALogOrAUrdfIsNoModel) {
   write_text(folder_.file("run.csv"), "time,voltage,speed\n0,1,0\n");
   write_text(folder_.file("arm.urdf"), "<robot name='arm'/>\n");
   write_text(folder_.file("model.yaml"), "format: graybox-lumped/1\n");
+  write_text(folder_.file("campaign.yaml"), "format: graybox-campaign/1\n");
   for (const char* command : {"predict", "fit", "diagnose"}) {
     const std::string name = command;
     expect_refused(name + " run.csv", "'graybox model run.csv'");
     expect_refused(name + " arm.urdf", "'graybox model arm.urdf LOG.csv'");
     expect_refused(name + " model.yaml", "graybox " + name + " model.yaml CAMPAIGN");
     expect_refused(name + " nothing", "nothing");
+    expect_refused(name + " campaign.yaml", "graybox " + name + " MODEL campaign.yaml");
   }
 }
 

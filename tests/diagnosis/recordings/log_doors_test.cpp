@@ -298,6 +298,35 @@ TEST_F(LogDoors, AServosGoalDrivesThroughItsSpring) {
               1e-9);
 }
 
+// Counts are those of the position; what is no position is no goal.
+TEST_F(LogDoors, AGoalIsInTheUnitOfAPosition) {
+  const DoorAxis m = door_axis(600, 0.01);
+  const VectorXd goal = m.position + 0.5 * m.force;
+  const auto text = [&](const std::string& title, const VectorXd& values) {
+    return table_of(
+        {{"time [s]", m.time}, {"position [counts]", 1000.0 * m.position}, {title, values}});
+  };
+  ProposalRequest request;
+  request.counts_per_turn = 2000.0 * std::numbers::pi;
+  const ModelProposal counts =
+      proposed(text("goal [counts]", 1000.0 * goal), {"goal=goal"}, request);
+  const ExperimentRecording run = loaded(counts);
+  EXPECT_NEAR(run.data.pieces.at(0).values(50, run.index_of("torque")),
+              goal(std::lround(run.data.pieces.at(0).time(50) / 0.01)), 1e-6);
+  testing::expect_refused([&] { (void)proposed(text("goal [N m]", goal), {"goal=goal"}, request); },
+                          "a goal in N m is none of a position in counts");
+  request.no_drive = true;
+  testing::expect_refused([&] { (void)proposed(text("goal [rad]", goal), {"goal=goal"}, request); },
+                          "--no-drive: 'goal' is the goal of a servo");
+  request.no_drive = false;
+  testing::expect_refused(
+      [&] {
+        (void)proposed(text("goal [rad]", goal * std::numeric_limits<double>::quiet_NaN()),
+                       {"goal=goal"}, request);
+      },
+      "column 'goal' holds no numbers");
+}
+
 TEST_F(LogDoors, AStepFromZeroIsNoSupply) {
   const DoorAxis m = door_axis(400, 0.01);
   VectorXd step = VectorXd::Constant(400, 12.0), supply = step;
