@@ -451,17 +451,16 @@ double kept_out_of(const JudgedModel& model) {
   return relative_size(*model.held_out_error, model.held_out_scale);
 }
 
+// Whether whole recordings kept out are foretold with laws, and not well.
+bool leaves_much_kept_out(const JudgedModel& found) {
+  constexpr double kMuch = 0.05;  // of the signal
+  return found.horizon == 0 && found.held_out_error && kept_out_of(found) > kMuch;
+}
+
 // What is left of the recordings by which laws are judged, of their signal.
 double left_by(const JudgedModel& model, const PredictionData& data) {
   return data.has_validation() ? kept_out_of(model)
                                : relative_size(model.error, data.output_scale());
-}
-
-// Whether whole recordings are foretold with laws, and not well.
-bool leaves_much(const JudgedModel& found, const PredictionData& data) {
-  constexpr double kMuch = 0.05;  // of the signal
-  if (found.horizon != 0 || (data.has_validation() && !found.held_out_error)) return false;
-  return left_by(found, data) > kMuch;
 }
 
 // A search over whole recordings from this model, and whether recordings kept out confirm what is
@@ -488,7 +487,7 @@ std::optional<OtherLook> look_from(const ExtendedLumpedModel& start, const Lumpe
 }
 
 // Whole recordings in free run, where neither the ladder nor a look one sample ahead finds a law,
-// or where its laws leave much of them, kept out or not: short windows show no friction beside a
+// or where its laws leave much of recordings kept out: short windows show no friction beside a
 // weight, and take it for damping.
 std::optional<OtherLook> look_farther(const LumpedModel& stated, const PredictionData& data,
                                       const PredictionHypotheses& hypotheses,
@@ -499,7 +498,7 @@ std::optional<OtherLook> look_farther(const LumpedModel& stated, const Predictio
   if (!found.fit.usable || ladder.stopped || ladder.has_free_run) return {};
   const bool must_be_short = laws > 0 || !data.has_validation();  // else it has windows enough
   if (must_be_short && !is_short(data)) return {};
-  if (laws > 0 && !leaves_much(found, data)) return {};
+  if (laws > 0 && !leaves_much_kept_out(found)) return {};
   return look_from(found.fit.model, stated, data, hypotheses, options, ladder, found);
 }
 
