@@ -23,7 +23,7 @@ struct Course {
   std::string from, to, least, most;
 };
 
-// "8.7", "more than 4.3" or "none".
+// "about 8.7", "more than 4.3" or "none".
 Course course_in_words(const LawTrend& trend, double value) {
   const bool changes_sign = trend.from * trend.to < 0.0;
   const bool is_from_smaller = std::abs(trend.from) < std::abs(trend.to);

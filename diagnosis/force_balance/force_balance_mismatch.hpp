@@ -52,6 +52,7 @@ struct ForceBalanceOptions {
     const ForceBalanceOptions& options = {});
 
 // A lumped drive that is measured as a whole (measured_drive.hpp), in the same way; no place files.
+// Throws InputError for a drive that is constant, too: a friction of its size would foretell it.
 [[nodiscard]] std::unique_ptr<MismatchProblem> drive_balance_problem(
     const RigidRobotModel& drive, const Campaign& campaign,
     const ForceBalanceOptions& options = {});

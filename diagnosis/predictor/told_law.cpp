@@ -78,9 +78,9 @@ bool is_late_at_bound(const PredictionFit& fit, const PlacedFinding& law) {
 
 bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law) {
   const Element& part = fit.model.model.parts[law.part];
-  if (part.location.kind != LocationKind::kActuator) return false;
-  // The reference is the largest input: there the gain is 1 + curvature.
-  return (part.law_name == "curved_gain" || part.law_name == "gain") && part.parameters[0] <= -1.0;
+  const bool is_gain = part.law_name == "gain" && part.location.kind == LocationKind::kActuator;
+  // The reference of a curve is the largest input: there the gain is 1 + curvature.
+  return (is_gain || part.law_name == "curved_gain") && part.parameters[0] <= -1.0;
 }
 
 bool has_loose_frequency(const PredictionFit& fit, const VectorXd& deviations,

@@ -112,8 +112,7 @@ std::string run_down(double friction, double drag, double unit, unsigned seed) {
   std::string text = "t,speed\n";
   double v = 9.0;
   for (int k = 0; v > 1.5; ++k) {
-    if (k % 100 == 0)
-      text += fmt::format("{:.1f},{:.9g}\n", 0.01 * k, unit * (v + noise(engine)));
+    if (k % 100 == 0) text += fmt::format("{:.1f},{:.9g}\n", 0.01 * k, unit * (v + noise(engine)));
     v -= 0.01 * (friction + drag * v * v);
   }
   return text;

@@ -13,8 +13,11 @@
 #include <vector>
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
+#include "diagnosis/force_balance/force_balance_mismatch.hpp"
+#include "diagnosis/force_balance_data/measured_drive.hpp"
 #include "diagnosis/prediction_verdict/prediction_diagnosis.hpp"
 #include "diagnosis/second_looks/reversed_drive.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/temporary_folder.hpp"
 
 namespace graybox {
@@ -133,6 +136,22 @@ TEST(ShortLogs, AreAnsweredAlikeWhateverIsGuessed) {
   ASSERT_TRUE(first->checked.standing);
   EXPECT_LE(first->checked.standing->drive.held(), 0.5);
   EXPECT_GT(first->checked.standing->drive.held(), 0.2);
+}
+
+// A constant would be foretold by a friction of its size.
+TEST(ShortLogs, OfAConstantDriveHaveNoBalance) {
+  const testing::TemporaryFolder folder;
+  const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
+  write_wheel(folder, "position", {});
+  const auto balance = [&] {
+    const LumpedModel model = load_lumped_model(folder.file("wheel.yaml"));
+    (void)drive_balance_problem(*measured_drive(model),
+                                read_campaign(folder.file("campaign.yaml")));
+  };
+  write_log(folder, "a", wheel, steps({1.2}, 240), "position", 1e-3, 1U);
+  testing::expect_refused(balance, "the drive is about 1.2 throughout");
+  write_log(folder, "a", wheel, steps({1.2, 0.0}, 240), "position", 1e-3, 1U);
+  EXPECT_NO_THROW(balance());
 }
 
 // Friction that takes nearly all of a drive, which is counted the other way.

@@ -209,6 +209,33 @@ TEST(SingleMovements, TellADriveWhoseGainBendsFromDragOrNameBoth) {
   }
 }
 
+// White noise of 13 % of the speed: friction takes a tenth of the squared error, and many samples
+// tell it by twenty standard errors.
+TEST(SingleMovements, TellDryFrictionAmidWhiteNoise) {
+  const testing::TemporaryFolder folder;
+  write_axis(folder, 0.01, 0.02, 0.05, true, true);
+  for (const unsigned seed : {1U, 2U}) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> noise(0.0, 6.0);
+    std::uniform_real_distribution<double> torques(-3.0, 3.0);
+    std::string text = "torque,motion\n";
+    double torque = 0.0, speed = 0.0;
+    for (int k = 0; k < 3000; ++k) {
+      if (k % 90 == 20) torque = torques(random);
+      text += fmt::format("{:.4f},{:.4f}\n", torque, speed + noise(random));
+      for (int step = 0; step < 20; ++step) {
+        const double friction = 0.025 * speed + 0.15 * std::tanh(speed / 0.05);
+        speed += 5e-4 * (torque - friction) / 0.01;
+      }
+    }
+    testing::write_text(folder.file(seed == 1 ? "a.csv" : "b.csv"), text);
+  }
+  const PredictionDiagnosis result = diagnosis_in(folder);
+  ASSERT_EQ(laws_of(result), std::vector<std::string>{"coulomb"});
+  const LawParameterEstimate& level = result.diagnosis.effects[0].law.parameters[0];
+  EXPECT_NEAR(level.value, 0.15, 3.0 * level.standard_error);
+}
+
 // What is on or off shows no curve of its gain.
 TEST(SingleMovements, TellNoCurveOfADriveOfTwoLevels) {
   const testing::TemporaryFolder folder;

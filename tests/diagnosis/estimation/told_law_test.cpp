@@ -98,6 +98,28 @@ TEST(ToldLaw, ADriveWhoseGainTurnsIsNone) {
   EXPECT_TRUE(turns(-6.8));
   EXPECT_FALSE(turns(-0.66));
   EXPECT_FALSE(turns(0.5));
+  PredictionFit reversed = fit_with("gain", {-1.8}, 0);
+  EXPECT_FALSE(turns_its_drive(reversed, reversed.model.laws.front()));  // of a sensor
+  reversed.model.model.parts.back().location.kind = LocationKind::kActuator;
+  EXPECT_TRUE(turns_its_drive(reversed, reversed.model.laws.front()));
+  reversed.model.model.parts.back().parameters[0] = -0.3;
+  EXPECT_FALSE(turns_its_drive(reversed, reversed.model.laws.front()));
+}
+
+// The spring of a servo is known, and its mass and damper may be guesses all the same.
+TEST(ToldLaw, AMassOnAKnownSpringIsAlone) {
+  const testing::TemporaryFolder folder;
+  const auto is_alone = [&](const std::string& spring) {
+    std::string text = kAxis;
+    text.insert(text.find("inputs:"),
+                "  - {name: servo, location: {kind: element, mass: axis}, law: stiffness, "
+                "parameters: {stiffness: " +
+                    spring + "}}\n");
+    testing::write_text(folder.file("axis.yaml"), text);
+    return is_one_mass_alone(load_lumped_model(folder.file("axis.yaml")));
+  };
+  EXPECT_TRUE(is_alone("{value: 1, unit: N m/rad, fixed: true}"));
+  EXPECT_FALSE(is_alone("{value: 1, unit: N m/rad}"));
 }
 
 TEST(ToldLaw, AWaveLongerThanTheWayIsNone) {
