@@ -250,14 +250,9 @@ std::string reason_against_halves(const Added& added) {
   return "starts and stops are in one half";
 }
 
-// Whether a chirp crosses its mean in each block: less of its slow part tells nothing by itself.
-bool cross_in_each(const ArrayXd& crossings, Index blocks) {
-  const Index n = crossings.size();
-  for (Index b = 0; b < blocks; ++b) {
-    const Index first = b * n / blocks, last = (b + 1) * n / blocks;
-    if (crossings.segment(first, last - first).sum() < 1.0) return false;
-  }
-  return true;
+// Whether blocks of a chirp hold a period on the average: less of it tells nothing by itself.
+bool have_periods(const ArrayXd& crossings, Index blocks) {
+  return crossings.sum() >= 2.0 * static_cast<double>(blocks);
 }
 
 struct SplitTrial {
@@ -274,7 +269,7 @@ double fairly_told(const Added& added, Index blocks) {
   if (!is_mixed && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
   const bool is_swept = is_chirp(added.crossings);
   if (is_swept && !are_alike(added.crossings, blocks)) return 0.0;
-  if (is_swept && !cross_in_each(added.crossings, blocks)) return 0.0;
+  if (is_swept && !have_periods(added.crossings, blocks)) return 0.0;
   return told_by_each(added, blocks);
 }
 

@@ -16,9 +16,9 @@
 //
 // Else the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
 // a fifth of both squares and of the way, crossings alike within a half, and a fiftieth of what the
-// log tells. The fewest blocks are taken that tell a quarter of what the best do. A chirp
-// crosses its mean in each. Blocks have 40 samples at least, and 250 where
-// the axis turns round only once or twice, and not between halves.
+// log tells. The fewest blocks are taken that tell a quarter of what the best do. Blocks of a chirp
+// hold a period of it on the average. Blocks have 40 samples at least, and 250 where the axis turns
+// round only once or twice, and not between halves.
 // Cost: O(n) for each number of blocks.
 //
 // Several axes in one log, as a robot's, are split together: into as few blocks as give most axes

@@ -40,8 +40,8 @@ struct OneMassLog {
 };
 
 enum class OneMassTold {
-  kInertia,   // the log tells it
-  kNothing,   // its error is above a third; values are what fits best, or scales of the log
+  kInertia,  // the log tells it
+  kNothing,  // its error is above a third; values are what fits best, or scales of the log
   // The inertia is negative by three errors, beside all forces, too: values of the drive with its
   // sign turned.
   kReversed,

@@ -81,12 +81,14 @@ class MassCampaign {
 
   void require_goal_of_position(const Unit& unit, bool is_stated) const {
     const std::string& name = machine_.drive->name;
-    if (is_stated && unit.base != (machine_.is_linear() ? "m" : "rad")) {
+    const std::string& odd = machine_.drive->words.odd_unit;
+    const bool is_of_position = !is_stated || unit.base == (machine_.is_linear() ? "m" : "rad");
+    if (!odd.empty() || !is_of_position) {
       throw InputError(fmt::format(
           "{}: column '{}': a goal in {} is none of a position in {}: say its unit by --column "
           "'{}=goal:{}'",
-          machine_.drive->file_name, name, unit.name, machine_.motions.front().unit, name,
-          machine_.is_linear() ? "mm" : "deg"));
+          machine_.drive->file_name, name, odd.empty() ? std::string(unit.name) : odd,
+          machine_.motions.front().unit, name, machine_.is_linear() ? "mm" : "deg"));
     }
     if (machine_.motions.front().is_wrapped) {
       throw InputError(fmt::format(

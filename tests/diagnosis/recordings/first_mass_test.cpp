@@ -286,6 +286,21 @@ TEST(KeptOutBlocks, OneTransientIsNotShared) {
   EXPECT_TRUE(kept_out_blocks(VectorXd::Ones(1200), swing, false).is_fair);
 }
 
+// A chirp of five periods has no parts of a period each that are alike; one of fifty has.
+TEST(KeptOutBlocks, PartsOfAChirpHoldAPeriod) {
+  const auto chirp = [](double periods) {
+    VectorXd force(1200);
+    for (Index k = 0; k < 1200; ++k) {
+      const double share = static_cast<double>(k) / 1200.0;
+      force(k) = std::sin(2.0 * std::numbers::pi * periods * share * share);
+    }
+    return kept_out_blocks(force, run(kViscous, force).position, false);
+  };
+  EXPECT_FALSE(chirp(5.0).is_fair);
+  EXPECT_TRUE(chirp(50.0).is_fair);
+  EXPECT_GT(chirp(50.0).count, 2);
+}
+
 // A push of a few samples can't be shared.
 TEST(KeptOutBlocks, AKickIsNotShared) {
   VectorXd force = VectorXd::Zero(2000);
