@@ -142,7 +142,8 @@ TEST(ShortLogs, AreAnsweredAlikeWhateverIsGuessed) {
 TEST(ShortLogs, OfAConstantDriveHaveNoBalance) {
   const testing::TemporaryFolder folder;
   const Wheel wheel{.inertia = 0.003, .damping = 0.02, .friction = 0.5};
-  write_wheel(folder, "position", {});
+  write_wheel(folder, "position", {"b"});
+  write_log(folder, "b", wheel, steps({0.0, -1.0}, 160), "position", 1e-3, 2U);
   const auto balance = [&] {
     const LumpedModel model = load_lumped_model(folder.file("wheel.yaml"));
     (void)drive_balance_problem(*measured_drive(model),
