@@ -314,7 +314,8 @@ std::vector<TriedLaw> PredictionSearch::start_race(const State& state,
 
 namespace {
 
-// Of the fits of one hypothesis, sorted, the best that a machine can have; else the best.
+// Keeps one fit of each hypothesis, of those sorted by cost: the best that a machine can have, else
+// the best.
 void keep_one_of_each(std::vector<TriedLaw>& tried) {
   std::vector<TriedLaw> kept;
   for (TriedLaw& law : tried) {

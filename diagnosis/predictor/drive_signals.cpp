@@ -43,50 +43,52 @@ void apply_lag(double time_constant, double step, Index channel, NodeInputs& dri
   drive.samples(channel, drive.samples.cols() - 1) = x;
 }
 
-void apply_rate_limit(const RateLimitStep& law, Index channel, NodeInputs& drive) {
+// Walks the record by half steps: `advance` takes the states from one signal to the next, and
+// `passed` says what they make of a signal.
+template <typename Passed, typename Advance>
+void pass_with_states(Index channel, const Passed& passed, const Advance& advance,
+                      NodeInputs& drive) {
   const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
-  double x = drive.samples(channel, 0);
   for (Index s = 0; s < steps; ++s) {
     const double a = drive.nodes(channel, 3 * s), b = drive.nodes(channel, 3 * s + 2),
                  middle = 0.5 * (a + b);
-    if (s % m == 0) drive.samples(channel, s / m) = x;
-    drive.nodes(channel, 3 * s) = x;
-    drive.nodes(channel, 3 * s + 1) = x = law.from(x, a, middle);
-    drive.nodes(channel, 3 * s + 2) = x = law.from(x, middle, b);
+    if (s % m == 0) drive.samples(channel, s / m) = passed(a);
+    drive.nodes(channel, 3 * s) = passed(a);
+    advance(a, middle);
+    drive.nodes(channel, 3 * s + 1) = passed(middle);
+    advance(middle, b);
+    drive.nodes(channel, 3 * s + 2) = passed(b);
   }
-  drive.samples(channel, drive.samples.cols() - 1) = x;
+  const Index last = drive.samples.cols() - 1;
+  drive.samples(channel, last) = passed(drive.samples(channel, last));
+}
+
+void apply_rate_limit(const RateLimitStep& law, Index channel, NodeInputs& drive) {
+  double x = drive.samples(channel, 0);
+  pass_with_states(
+      channel, [&](double) { return x; },
+      [&](double before, double now) { x = law.from(x, before, now); }, drive);
 }
 
 // Other laws with states: midpoint steps, sixteen a step.
 void apply_states(const Law& law, double step, Index channel, NodeInputs& drive) {
   constexpr int kParts = 8;
   const double part = 0.5 * step / kParts;
-  const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
   const std::size_t count = law.state_count();
   std::vector<double> x(count), middle(count), rate(count);
   law.rest(drive.samples(channel, 0), x);
-  const auto advance = [&](double from, double to) {
-    law.state_rate(from, 0.0, x, rate);
-    for (std::size_t i = 0; i < count; ++i) middle[i] = x[i] + 0.5 * part * rate[i];
-    law.state_rate(0.5 * (from + to), 0.0, middle, rate);
-    for (std::size_t i = 0; i < count; ++i) x[i] += part * rate[i];
-  };
-  const auto passed = [&](double signal) { return signal + law.force(signal, 0.0, x); };
-  for (Index s = 0; s < steps; ++s) {
-    const double a = drive.nodes(channel, 3 * s);
-    const double b = drive.nodes(channel, 3 * s + 2) - a;
-    if (s % m == 0) drive.samples(channel, s / m) = passed(a);
-    drive.nodes(channel, 3 * s) = passed(a);
-    for (Index half = 1; half <= 2; ++half) {
-      for (int k = 0; k < kParts; ++k) {
-        const double t = 0.5 * static_cast<double>(half - 1) + 0.5 * k / kParts;
-        advance(a + b * t, a + b * (t + 0.5 / kParts));
-      }
-      drive.nodes(channel, 3 * s + half) = passed(a + 0.5 * b * static_cast<double>(half));
+  const auto advance = [&](double before, double now) {
+    const double change = (now - before) / kParts;
+    for (int k = 0; k < kParts; ++k) {
+      const double from = before + change * k;
+      law.state_rate(from, 0.0, x, rate);
+      for (std::size_t i = 0; i < count; ++i) middle[i] = x[i] + 0.5 * part * rate[i];
+      law.state_rate(from + 0.5 * change, 0.0, middle, rate);
+      for (std::size_t i = 0; i < count; ++i) x[i] += part * rate[i];
     }
-  }
-  const Index last = drive.samples.cols() - 1;
-  drive.samples(channel, last) = passed(drive.samples(channel, last));
+  };
+  pass_with_states(
+      channel, [&](double signal) { return signal + law.force(signal, 0.0, x); }, advance, drive);
 }
 
 void apply_static(const Law& law, Index channel, Index driver, NodeInputs& drive) {

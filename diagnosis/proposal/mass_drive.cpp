@@ -97,9 +97,7 @@ class DriveSearch {
     if (!is_bare) return false;
     const auto drives_too = [&](const LogColumn* column) {
       const LogQuantity quantity = column->words.quantity;
-      return column != &chosen && column->moves() &&
-             (quantity == LogQuantity::kForce || quantity == LogQuantity::kVoltage ||
-              quantity == LogQuantity::kCommand);
+      return column->moves() && drives(quantity) && quantity != LogQuantity::kCurrent;
     };
     const auto drive = std::ranges::find_if(machine_.columns, drives_too);
     if (drive == machine_.columns.end()) return false;

@@ -100,32 +100,32 @@ struct Resonance {
   }
 };
 
-// s is replaced by x, x' = (s - x)/T.
-struct Lag {
-  static constexpr int kParameters = 1, kStates = 1;
+// The signal is replaced by x, which follows it.
+struct Follower {
+  static constexpr int kStates = 1;
   template <typename T>
   static T force(const T*, const T& signal, const T&, const T* x) {
     return x[0] - signal;
-  }
-  template <typename T>
-  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
-    change[0] = (signal - x[0]) / p[0];
   }
   static void rest(const double*, double signal, double* x) { x[0] = signal; }
 };
 
-// s is replaced by x, which follows it within T and no faster than a limit. p: limit, T.
-struct RateLimit {
-  static constexpr int kParameters = 2, kStates = 1;
+// x' = (s - x)/T.
+struct Lag : Follower {
+  static constexpr int kParameters = 1;
   template <typename T>
-  static T force(const T*, const T& signal, const T&, const T* x) {
-    return x[0] - signal;
+  static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
+    change[0] = (signal - x[0]) / p[0];
   }
+};
+
+// The same, no faster than a limit. p: limit, T.
+struct RateLimit : Follower {
+  static constexpr int kParameters = 2;
   template <typename T>
   static void state_rate(const T* p, const T& signal, const T&, const T* x, T* change) {
     change[0] = clip(T((signal - x[0]) / p[1]), p[0]);
   }
-  static void rest(const double*, double signal, double* x) { x[0] = signal; }
 };
 
 }  // namespace
