@@ -359,9 +359,7 @@ std::string report_page(const Diagnosis& diagnosis, std::span<const Hypothesis> 
     page.bars_title = fmt::format(
         "Error on {}{}, % of the signal",
         diagnosis.validation_after ? "recordings kept out" : "the recordings of the fit",
-        diagnosis.after.seconds_ahead > 0.0
-            ? fmt::format(" {:.2g} s ahead", diagnosis.after.seconds_ahead)
-            : "");
+        ahead_words(diagnosis.after));
   }
   page.sections = sections_of(diagnosis, hypotheses, files, context, !page.traces.empty());
   page.origin = context.origin;

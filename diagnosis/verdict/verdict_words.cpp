@@ -127,6 +127,10 @@ std::string ambiguity_words(const Diagnosis& diagnosis) {
 
 }  // namespace
 
+std::string ahead_words(const ExtendedFit& fit) {
+  return fit.seconds_ahead > 0.0 ? fmt::format(", {:.2g} s ahead", fit.seconds_ahead) : "";
+}
+
 std::string headline(const Diagnosis& diagnosis) {
   const bool is_without_findings = diagnosis.effects.empty() && diagnosis.late_channels.empty();
   switch (diagnosis.verdict) {
@@ -444,11 +448,8 @@ void add_fit(const char* recordings, const std::optional<Assessment>& before,
              std::vector<std::string>& lines) {
   if (!before || !after) return;
   if (before->nrmse == 0.0 && after->nrmse == 0.0) return;  // nothing was fitted
-  const std::string ahead = diagnosis.after.seconds_ahead > 0.0
-                                ? fmt::format(", {:.2g} s ahead", diagnosis.after.seconds_ahead)
-                                : "";
   std::string line = fmt::format("Error on {}{}: {:.4g} % before, {:.4g} % after", recordings,
-                                 ahead, before->nrmse, after->nrmse);
+                                 ahead_words(diagnosis.after), before->nrmse, after->nrmse);
   if (diagnosis.noise_is_known) {
     line += fmt::format("; chi-square per degree of freedom {:.4g} before, {:.4g} after",
                         before->chi_square_per_dof(), after->chi_square_per_dof());

@@ -30,6 +30,9 @@ namespace graybox {
 // Whether laws are told, none of them is "Found", and no channel is late.
 [[nodiscard]] bool has_no_confirmed_law(const Diagnosis& diagnosis);
 
+// ", 0.3 s ahead", of errors that are those of predictions so far ahead; empty: whole recordings.
+[[nodiscard]] std::string ahead_words(const ExtendedFit& fit);
+
 // The verdict in one sentence.
 [[nodiscard]] std::string headline(const Diagnosis& diagnosis);
 
