@@ -35,6 +35,24 @@ Eigen::ArrayXd relative_errors(const LastFit& last, const PredictionFit& fit) {
          mean;
 }
 
+// rms of each output kept out about its mean; what stands still has no signal of its own.
+VectorXd held_out_scale(const LastFit& last, const PredictionTask& task) {
+  const VectorXd &noise = last.data->noise(), &scale = last.data->output_scale();
+  VectorXd squares = VectorXd::Zero(last.data->output_count());
+  double samples = 0.0;
+  for (const PredictionRun& one : task.runs) {
+    const MatrixXd& outputs = last.data->recording(one.recording).outputs;
+    const Eigen::RowVectorXd mean = outputs.colwise().mean();
+    squares += (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
+    samples += static_cast<double>(outputs.rows());
+  }
+  VectorXd size = (squares / samples).cwiseSqrt();
+  for (Index j = 0; j < size.size(); ++j) {
+    if (size(j) < kStands * noise(j)) size(j) = scale(j);
+  }
+  return size;
+}
+
 }  // namespace
 
 PredictionTask held_out_task(const LastFit& last, const PredictionTask& task) {
@@ -46,6 +64,7 @@ std::optional<HeldOutError> held_out_by(const LastFit& last, const ExtendedLumpe
                                         const PredictionTask& task) {
   if (!last.data->has_validation()) return {};
   const PredictionTask kept_out = held_out_task(last, task);
+  if (kept_out.counted() == 0) return {};
   const PredictionFitter ahead = last.fitter(kept_out);
   const PredictionFit run = ahead.fit(model, last.weights, {}, 0, false);
   if (!run.usable) return {};
@@ -69,22 +88,18 @@ bool raises_held_out(const LastFit& last, const JudgedModel& without, const Judg
 void judge_held_out(const LastFit& last, JudgedModel& model) {
   if (!last.data->has_validation() || !model.fit.usable) return;
   const PredictionTask task = held_out_task(last, last.judged_by);
+  model.held_out_scale = held_out_scale(last, task);
+  model.held_out_trouble.clear();
+  if (task.counted() == 0) {
+    model.held_out_trouble = "the recordings kept out are shorter than what the fit was judged by";
+    return;
+  }
   const PredictionFitter whole = last.fitter(task);
   const PredictionFit run = whole.fit(model.fit.model, last.weights, {}, 0, false);
-  if (run.usable) model.held_out_error = whole.errors(run, last.weights);
-  model.held_out_scale = VectorXd::Zero(last.data->output_count());
-  double samples = 0.0;
-  for (const PredictionRun& one : task.runs) {
-    const MatrixXd& outputs = last.data->recording(one.recording).outputs;
-    const Eigen::RowVectorXd mean = outputs.colwise().mean();
-    model.held_out_scale += (outputs.rowwise() - mean).colwise().squaredNorm().transpose();
-    samples += static_cast<double>(outputs.rows());
-  }
-  model.held_out_scale = (model.held_out_scale / samples).cwiseSqrt();
-  // What stands still has no signal of its own.
-  const VectorXd &noise = last.data->noise(), &scale = last.data->output_scale();
-  for (Index j = 0; j < scale.size(); ++j) {
-    if (model.held_out_scale(j) < kStands * noise(j)) model.held_out_scale(j) = scale(j);
+  if (run.usable) {
+    model.held_out_error = whole.errors(run, last.weights);
+  } else {
+    model.held_out_trouble = "the simulation of the recordings kept out leaves all bounds";
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 
 #include "diagnosis/predictor/prediction_fit.hpp"
 
@@ -15,6 +16,8 @@ struct JudgedModel {
   Eigen::VectorXd deviations;  // of the free parameters, in their units; NaN: not seen
   Eigen::VectorXd error;       // rms by output, recordings of the fit
   std::optional<Eigen::VectorXd> held_out_error;
+  std::string
+      held_out_trouble;  // why what was kept out has no error; empty: it has, or nothing was
   Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
 };
 

@@ -99,6 +99,17 @@ std::string value_words(const PhysicalQuantity& quantity) {
   return words + unit_words(quantity.unit);
 }
 
+// " (10 times the start, 0.0065 kg m^2)", where that is known.
+std::string times_start_words(const PhysicalQuantity& quantity) {
+  if (!std::isfinite(quantity.start) || quantity.start == 0.0) return "";
+  const double times = quantity.value / quantity.start;
+  if (!(times > 0.0)) return "";
+  return times >= 1.0 ? fmt::format(" ({:.3g} times its start, {:.3g}{})", times, quantity.start,
+                                    unit_words(quantity.unit))
+                      : fmt::format(" (1/{:.3g} of its start, {:.3g}{})", 1.0 / times,
+                                    quantity.start, unit_words(quantity.unit));
+}
+
 double largest_size(const std::vector<double>& values) {
   double largest = 0.0;
   for (const double value : values) largest = std::max(largest, std::abs(value));
@@ -194,7 +205,8 @@ class Examination {
         return;
       }
       add(PlausibilityRule::kBound, quantity, kInfinity,
-          fmt::format("{} is at a bound of the search: {}", quantity.name, value_words(quantity)));
+          fmt::format("{} is at a bound of the search{}: {}", quantity.name,
+                      times_start_words(quantity), value_words(quantity)));
       return;
     }
     if (!std::isfinite(quantity.start) || !(quantity.start > 0.0) || !(quantity.value > 0.0))

@@ -114,6 +114,7 @@ class DiagnosisBuilder {
       fit.trouble = "its simulation leaves all bounds";
       return fit;
     }
+    fit.trouble = judged.held_out_trouble;
     fit.seconds_ahead = from_.data->sample_time() * static_cast<double>(judged.horizon);
     const ExtendedLumpedModel& model = judged.fit.model;
     for (std::size_t i = 0; i < judged.fit.free.size(); ++i) {
@@ -446,8 +447,9 @@ bool is_confirmed(const FinalFit& final) {
   return true;
 }
 
-// What is left of recordings kept out, of their signal.
+// What is left of recordings kept out, of their signal; infinite where nothing could be judged.
 double kept_out_of(const JudgedModel& model) {
+  if (!model.held_out_error) return std::numeric_limits<double>::infinity();
   return relative_size(*model.held_out_error, model.held_out_scale);
 }
 

@@ -174,9 +174,14 @@ bool PredictionReasons::has_stated_noise() const {
 
 void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   const JudgedModel& found = from_.final->found();
+  const std::string whole = fmt::format("{}, % of the signal", kHeldOutTest);
+  if (!found.held_out_error && !found.held_out_trouble.empty()) {
+    list.push_back(test(fmt::format("{} ({})", whole, found.held_out_trouble), {}, kHeldOutLimit,
+                        false, "put recordings like those kept out into the fit"));
+    return;
+  }
   if (!found.held_out_error) {
-    VerdictReason reason =
-        test(fmt::format("{}, % of the signal", kHeldOutTest), {}, kHeldOutLimit, true, "");
+    VerdictReason reason = test(whole, {}, kHeldOutLimit, true, "");
     reason.not_tested = "no recordings were kept out of the fit";
     list.push_back(std::move(reason));
     return;
@@ -270,8 +275,10 @@ void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReas
   const std::optional<HeldOutGrowth> growth = from_.final->growth();
   if (!growth) {
     VerdictReason reason = test(name, {}, kGrowthLimit, true, "");
-    reason.not_tested = from_.final->found().held_out_error
-                            ? "the force left hides it at every horizon"
+    const JudgedModel& found = from_.final->found();
+    reason.not_tested = found.held_out_error ? "the force left hides it at every horizon"
+                        : !found.held_out_trouble.empty()
+                            ? found.held_out_trouble
                             : "no recordings were kept out of the fit";
     list.push_back(std::move(reason));
     return;
@@ -349,7 +356,7 @@ std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
   list.push_back(sizes_hold_reason(diagnosis));
   // Who can't tell masses and springs can't miss anything.
   add_determination(diagnosis, Verdict::kUnknown, list);
-  if (!from_.final->found().held_out_error && !has_stated_noise()) {
+  if (!from_.data->has_validation() && !has_stated_noise()) {
     list.push_back(nothing_kept_out(Verdict::kUnknown));
   }
   // Over so short windows anything is foretold.
@@ -395,7 +402,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
         trend_reason(diagnosis.trends, diagnosis.effects, "the recordings are one window each"));
   }
   add_determination(diagnosis, Verdict::kAmbiguous, list);
-  if (!diagnosis.validation_after) list.push_back(nothing_kept_out());
+  if (!from_.data->has_validation()) list.push_back(nothing_kept_out());
   std::size_t rivals = 0;
   for (const FoundEffect& effect : diagnosis.effects) rivals += effect.rivals.size();
   list.push_back(test("other explanations that are not excluded", static_cast<double>(rivals), 0.0,
