@@ -59,7 +59,10 @@ VerdictReason failed(std::string test, std::string next, Verdict otherwise = Ver
 
 VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& options) {
   const char* const test = "error kept out over that of the fit";
-  if (!diagnosis.validation_after) return not_asked(test, options.generalisation, kNoneKeptOut);
+  if (!diagnosis.validation_after) {
+    return not_asked(test, options.generalisation,
+                     diagnosis.interrupted && diagnosis.validation_before ? kNoTime : kNoneKeptOut);
+  }
   return at_most(test,
                  std::sqrt(diagnosis.validation_after->chi_square_per_dof() /
                            diagnosis.after.estimation.chi_square_per_dof()),

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "diagnosis/final_fit/size_errors.hpp"
+#include "diagnosis/prediction_error/search_start.hpp"
 
 namespace graybox {
 namespace {
@@ -33,6 +34,13 @@ Eigen::ArrayXd relative_errors(const LastFit& last, const PredictionFit& fit) {
   return ((squares.colwise() - mean).square().rowwise().sum() / count / std::max(count - 1.0, 1.0))
              .sqrt() /
          mean;
+}
+
+// A free run starts from a state that the filter finds by the model that runs, as in predict.
+PredictionFitter judge_of(const LastFit& last, const ExtendedLumpedModel& model,
+                          const PredictionTask& ahead, bool runs_free) {
+  if (!runs_free || last.disturbance.is_there()) return last.fitter(ahead);
+  return {*last.data, ahead, start_intensity(model, *last.data, last.threads), last.threads};
 }
 
 // rms of each output kept out about its mean; what stands still has no signal of its own.
@@ -65,7 +73,7 @@ std::optional<HeldOutError> held_out_by(const LastFit& last, const ExtendedLumpe
   if (!last.data->has_validation()) return {};
   const PredictionTask kept_out = held_out_task(last, task);
   if (kept_out.counted() == 0) return {};
-  const PredictionFitter ahead = last.fitter(kept_out);
+  const PredictionFitter ahead = judge_of(last, model, kept_out, task.is_free());
   const PredictionFit run = ahead.fit(model, last.weights, {}, 0, false);
   if (!run.usable) return {};
   return HeldOutError{task.horizon, ahead.errors(run, last.weights)};
@@ -94,7 +102,7 @@ void judge_held_out(const LastFit& last, JudgedModel& model) {
     model.held_out_trouble = "the recordings kept out are shorter than what the fit was judged by";
     return;
   }
-  const PredictionFitter whole = last.fitter(task);
+  const PredictionFitter whole = judge_of(last, model.fit.model, task, last.judged_by.is_free());
   const PredictionFit run = whole.fit(model.fit.model, last.weights, {}, 0, false);
   if (run.usable) {
     model.held_out_error = whole.errors(run, last.weights);
@@ -107,7 +115,8 @@ JudgedModel fit_of_kept_out(const LastFit& last) {
   JudgedModel own;
   if (!last.data->has_validation() || !last.found.fit.usable) return own;
   const PredictionTask task = held_out_task(last, last.judged_by);
-  const PredictionFitter whole = last.fitter(task);
+  const PredictionFitter whole =
+      judge_of(last, last.found.fit.model, task, last.judged_by.is_free());
   own.fit = whole.fit(last.found.fit.model, last.weights, {}, kLastFitIterations);
   if (!own.fit.usable) return own;
   own.error = whole.errors(own.fit, last.weights);
@@ -135,7 +144,7 @@ std::optional<HeldOutGrowth> growth_kept_out(const LastFit& last, const Unmodell
   const auto errors = [&](ExperimentRole role, VectorXd& error) -> std::optional<Eigen::ArrayXd> {
     const PredictionTask task =
         horizon == 0 ? last.data->free_after_start(role) : last.data->windows(horizon, role);
-    const PredictionFitter run = last.fitter(task);
+    const PredictionFitter run = judge_of(last, last.found.fit.model, task, horizon == 0);
     const PredictionFit fit = run.fit(last.found.fit.model, last.weights, {}, 0, false);
     if (!fit.usable || task.counted() == 0) return {};
     error = run.errors(fit, last.weights);
@@ -167,7 +176,8 @@ std::vector<ResidualCurve> curves_of(const LastFit& last, const JudgedModel& mod
                         last.data->sample_time() * static_cast<double>(last.judged_by.horizon));
   if (last.data->has_validation()) {
     const PredictionTask task = held_out_task(last, last.judged_by);
-    const PredictionFit run = last.fitter(task).fit(model.fit.model, last.weights, {}, 0, false);
+    const PredictionFit run = judge_of(last, model.fit.model, task, last.judged_by.is_free())
+                                  .fit(model.fit.model, last.weights, {}, 0, false);
     if (run.usable) add_prediction_curves(*last.data, task, run, last.weights, how, true, curves);
   }
   const bool is_far = last.judged_by.horizon != last.task.horizon;

@@ -146,9 +146,9 @@ class Filler {
     }
   }
 
-  void held(const Values& values, double delay) const {
+  void held(const Values& values, double delay, double earlier) const {
     const Eigen::Index intervals = values.size() - 1, m = result_.steps_per_sample;
-    const auto at = [&](Eigen::Index k) { return values(std::max<Eigen::Index>(k, 0)); };
+    const auto at = [&](Eigen::Index k) { return k < 0 ? earlier : values(k); };
     const auto whole = static_cast<Eigen::Index>(std::floor(delay));
     // Within a sample the input changes from u(k - whole - 1) to u(k - whole) at `part` of it.
     const double part = (delay - std::floor(delay)) * static_cast<double>(m);
@@ -188,7 +188,8 @@ class Filler {
 }  // namespace
 
 NodeInputs node_inputs(const Eigen::MatrixXd& values, InputHold hold, int steps_per_sample,
-                       const Eigen::VectorXd& delays, bool with_slopes) {
+                       const Eigen::VectorXd& delays, bool with_slopes,
+                       const Eigen::VectorXd& before) {
   const Eigen::Index channels = values.cols(), samples = values.rows();
   const Eigen::Index columns = 3 * (samples - 1) * steps_per_sample;
   NodeInputs result{.steps_per_sample = steps_per_sample,
@@ -204,7 +205,7 @@ NodeInputs node_inputs(const Eigen::MatrixXd& values, InputHold hold, int steps_
     const Filler filler(result, c, with_slopes);
     const double delay = delays.size() > 0 ? delays(c) : 0.0;
     if (hold == InputHold::kZero) {
-      filler.held(values.col(c), delay);
+      filler.held(values.col(c), delay, before.size() > 0 ? before(c) : values(0, c));
     } else {
       filler.smooth(values.col(c), hold, delay);
     }

@@ -26,10 +26,11 @@ struct NodeInputs {
   Eigen::MatrixXd sample_slopes;  // like slopes
 };
 
-// `values`: samples x channels. `delays`: of each channel in samples, at least 0; empty: none. The
-// input before the record is its first value.
+// `values`: samples x channels. `delays`: of each channel in samples, at least 0; empty: none.
+// `before`: what a held input was before the record, by channel; empty, or another hold: its first
+// value.
 [[nodiscard]] NodeInputs node_inputs(const Eigen::MatrixXd& values, InputHold hold,
                                      int steps_per_sample, const Eigen::VectorXd& delays = {},
-                                     bool with_slopes = false);
+                                     bool with_slopes = false, const Eigen::VectorXd& before = {});
 
 }  // namespace graybox

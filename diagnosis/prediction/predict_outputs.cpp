@@ -25,8 +25,7 @@ class OutputPrediction {
                    FreeRunStart start)
       : model_(as_given(model, kSearchFactor)), data_(model, campaign, threads), threads_(threads) {
     result_.start = start;
-    const PredictionTask task = data_.windows(data_.first_horizon());
-    intensity_ = best_intensity(model_, data_, task, 0, threads).intensity;
+    intensity_ = start_intensity(model_, data_, threads);
   }
 
   ModelPrediction run() {

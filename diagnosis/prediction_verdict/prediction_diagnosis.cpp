@@ -521,7 +521,7 @@ void tell_unconfirmed(const OtherLook& look, const FinalFit& taken, const Predic
   }
   const char* const verdict = !data.has_validation() ? "none were kept out to confirm it"
                               : held_out && held_out->gain > 0.0
-                                  ? "it fits those kept out far worse"
+                                  ? "those kept out gain too little by it to confirm it"
                                   : "those kept out do not confirm it";
   for (const PlacedFinding& law : with.fit.model.laws) {
     if (std::ranges::count(without.fit.model.laws, law.hypothesis, &PlacedFinding::hypothesis) > 0)

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "diagnosis/predictor/drive_start.hpp"
+
 namespace graybox {
 namespace {
 
@@ -22,12 +24,12 @@ std::array<double, 3> decay_nodes(double r) {
   return {c0 - c1 + c2, c0 - 0.5 * c2, c0 + c1 + c2};
 }
 
-void apply_lag(double time_constant, double step, Index channel, NodeInputs& drive) {
+void apply_lag(double time_constant, double step, Index channel, double before, NodeInputs& drive) {
   const double r = step / std::max(time_constant, 1e-12 * step);
   const std::array<double, 3> decay = decay_nodes(r);
   const double end = std::exp(-r), behind = 1.0 / r;  // T in steps
   const Index steps = drive.nodes.cols() / 3, m = drive.steps_per_sample;
-  double x = drive.samples(channel, 0);
+  double x = before;
   for (Index s = 0; s < steps; ++s) {
     const double a = drive.nodes(channel, 3 * s);
     const double b = drive.nodes(channel, 3 * s + 2) - a;
@@ -63,24 +65,24 @@ void pass_with_states(Index channel, const Passed& passed, const Advance& advanc
   drive.samples(channel, last) = passed(drive.samples(channel, last));
 }
 
-void apply_rate_limit(const RateLimitStep& law, Index channel, NodeInputs& drive) {
-  double x = drive.samples(channel, 0);
+void apply_rate_limit(const RateLimitStep& law, Index channel, double before, NodeInputs& drive) {
+  double x = before;
   pass_with_states(
       channel, [&](double) { return x; },
       [&](double before, double now) { x = law.from(x, before, now); }, drive);
 }
 
 // Other laws with states: midpoint steps, sixteen a step.
-void apply_states(const Law& law, double step, Index channel, NodeInputs& drive) {
+void apply_states(const Law& law, double step, Index channel, double before, NodeInputs& drive) {
   constexpr int kParts = 8;
   const double part = 0.5 * step / kParts;
   const std::size_t count = law.state_count();
   std::vector<double> x(count), middle(count), rate(count);
-  law.rest(drive.samples(channel, 0), x);
-  const auto advance = [&](double before, double now) {
-    const double change = (now - before) / kParts;
+  law.rest(before, x);
+  const auto advance = [&](double begin, double now) {
+    const double change = (now - begin) / kParts;
     for (int k = 0; k < kParts; ++k) {
-      const double from = before + change * k;
+      const double from = begin + change * k;
       law.state_rate(from, 0.0, x, rate);
       for (std::size_t i = 0; i < count; ++i) middle[i] = x[i] + 0.5 * part * rate[i];
       law.state_rate(from + 0.5 * change, 0.0, middle, rate);
@@ -145,19 +147,21 @@ const NodeInputs& DriveSignals::of(std::size_t recording, const LumpedModel& mod
   if (std::ranges::none_of(model.parts, is_at_actuator)) return plain;
   const Eigen::VectorXd delays =
       delays_of(model, recordings_[recording].inputs.cols(), sample_time);
+  const Eigen::VectorXd before = drives_before(model, recordings_[recording]);
   changed_ = delays.isZero(0.0) ? plain
                                 : node_inputs(recordings_[recording].inputs, hold_,
-                                              plain.steps_per_sample, delays);
+                                              plain.steps_per_sample, delays, false, before);
   const double step = sample_time / plain.steps_per_sample;
   for (const Element& part : model.parts) {
     if (!is_at_actuator(part) || !part.law) continue;
     const Index channel = part.location.channel;
     if (part.law_name == "lag") {
-      apply_lag(part.parameters[0], step, channel, changed_);
+      apply_lag(part.parameters[0], step, channel, before(channel), changed_);
     } else if (part.law_name == "rate_limit") {
-      apply_rate_limit({part.parameters[0], part.parameters[1], 0.5 * step}, channel, changed_);
+      apply_rate_limit({part.parameters[0], part.parameters[1], 0.5 * step}, channel,
+                       before(channel), changed_);
     } else if (part.law->state_count() > 0) {
-      apply_states(*part.law, step, channel, changed_);
+      apply_states(*part.law, step, channel, before(channel), changed_);
     } else {
       apply_static(*part.law, channel, part.location.driver, changed_);
     }

@@ -135,6 +135,9 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
   if (!diagnosis.validation_after && !diagnosis.after.trouble.empty()) {
     return fmt::format(" What it predicts was not tested: {}.", diagnosis.after.trouble);
   }
+  if (!diagnosis.validation_after && diagnosis.interrupted) {
+    return " It was stopped before what it predicts was tested.";
+  }
   if (!diagnosis.validation_after) {
     return " No recordings were kept out, so what it predicts was not tested.";
   }

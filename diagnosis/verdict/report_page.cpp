@@ -121,8 +121,8 @@ std::string error_sentence(const Diagnosis& diagnosis) {
   if (diagnosis.effects.empty()) {
     return fmt::format("On {} the model's error is {:.3g} % of the signal.", where, after);
   }
-  return fmt::format("On {} the error falls from {:.3g} % to {:.3g} % of the signal.", where,
-                     before, after);
+  return fmt::format("On {} the error {} from {:.3g} % to {:.3g} % of the signal.", where,
+                     after <= before ? "falls" : "rises", before, after);
 }
 
 std::string laws_words(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {

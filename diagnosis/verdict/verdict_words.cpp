@@ -544,6 +544,7 @@ void add_channels(const std::vector<ChannelRest>& before, const std::vector<Chan
 void add_late_channels(const std::vector<ChannelRest>& after, std::vector<std::string>& lines) {
   for (const ChannelRest& rest : after) {
     if (!rest.late_by || !rest.held_out_nrmse || !rest.held_out_nrmse_in_time) continue;
+    if (!(*rest.held_out_nrmse_in_time < *rest.held_out_nrmse)) continue;
     const bool is_late = *rest.late_by > 0.0;
     const std::string mend =
         is_late ? fmt::format("the channel (preprocess: advance, time: {:.2g})", *rest.late_by)

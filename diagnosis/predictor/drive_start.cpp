@@ -1,0 +1,73 @@
+#include "diagnosis/predictor/drive_start.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kSame = 0.02;                      // of a drive's first value
+constexpr double kLarge = 0.05;                     // of its largest value
+constexpr Index kFewest = 4;                        // samples
+constexpr double kRests = 0.05, kGoes = 1.0 / 3.0;  // of the rms speed
+
+bool has_spring(const LumpedModel& model) {
+  return std::ranges::any_of(model.parts, [](const Element& part) {
+    return part.law_name == "stiffness" || part.law_name == "cubic_spring" ||
+           part.law_name == "gravity";
+  });
+}
+
+// The speed that the first output of position or velocity shows.
+std::optional<VectorXd> measured_speed(const LumpedModel& model,
+                                       const OutputErrorRecording& recording) {
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    const auto values = recording.outputs.col(static_cast<Index>(j));
+    if (model.outputs[j].quantity == LumpedOutput::Quantity::kVelocity) return VectorXd(values);
+    if (model.outputs[j].quantity == LumpedOutput::Quantity::kPosition) {
+      return VectorXd(values.tail(values.size() - 1) - values.head(values.size() - 1));
+    }
+  }
+  return {};
+}
+
+// How many samples a drive stays where it begins.
+Index samples_at_start(const VectorXd& drive) {
+  Index count = 1;
+  while (count < drive.size() && std::abs(drive(count) - drive(0)) <= kSame * std::abs(drive(0))) {
+    ++count;
+  }
+  return count;
+}
+
+bool gets_going(const VectorXd& speed, Index samples) {
+  const Index count = std::min(samples, speed.size());
+  if (count < kFewest) return false;
+  const double rms = std::sqrt(speed.squaredNorm() / static_cast<double>(speed.size()));
+  return std::abs(speed.head(2).mean()) <= kRests * rms &&
+         speed.head(count).cwiseAbs().maxCoeff() >= kGoes * rms;
+}
+
+}  // namespace
+
+VectorXd drives_before(const LumpedModel& model, const OutputErrorRecording& recording) {
+  VectorXd before = recording.inputs.row(0).transpose();
+  if (has_spring(model)) return before;
+  const std::optional<VectorXd> speed = measured_speed(model, recording);
+  if (!speed) return before;
+  for (std::size_t j = 0; j < model.inputs.size(); ++j) {
+    if (model.inputs[j].kind != LumpedInput::Kind::kForce) continue;
+    const VectorXd drive = recording.inputs.col(static_cast<Index>(j));
+    const bool is_large = std::abs(drive(0)) > kLarge * drive.cwiseAbs().maxCoeff();
+    if (is_large && gets_going(*speed, samples_at_start(drive)))
+      before(static_cast<Index>(j)) = 0.0;
+  }
+  return before;
+}
+
+}  // namespace graybox
