@@ -318,6 +318,7 @@ class MassModel {
   }
 
   std::string two_masses() {
+    constexpr double kBearing = 0.1;  // of the coupling's damping
     SpringStart start = spring_start();
     TwoMassStart& values = start.values;
     const double critical = std::sqrt(values.stiffness * std::min(values.motor, values.load));
@@ -339,6 +340,12 @@ class MassModel {
         "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
         "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
         values.stiffness, stiffness, values.damping, damping);
+    for (const char* mass : {"motor", "load"}) {
+      text += fmt::format(
+          "  - name: {0}_bearing\n    location: {{kind: element, mass: {0}}}\n    law: viscous\n"
+          "    parameters: {{damping: {{value: {1:.4g}, unit: {2}}}}}\n",
+          mass, kBearing * values.damping, damping);
+    }
     if (machine_.motions.size() == 2 && !machine_.motions[1].is_velocity && can_compute()) {
       const double zero = (motion(1) - motion(0)).mean();
       text += fmt::format(
