@@ -1,0 +1,103 @@
+// What a drive was before a log began, and how actuators that follow late begin from it.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "diagnosis/predictor/drive_signals.hpp"
+#include "diagnosis/predictor/drive_start.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kStep = 0.002, kTorque = 3.2, kLag = 0.04;
+constexpr Index kSamples = 500;
+
+// A motor, with elements as YAML.
+LumpedModel motor_with(const std::string& elements, const std::string& quantity = "velocity") {
+  const testing::TemporaryFolder folder;
+  std::ofstream(folder.file("model.yaml"))
+      << "format: graybox-lumped/1\nsample_time: 0.002\nmotion: rotation\nmasses: {motor: 0.02}\n"
+      << "elements:\n  - {name: bearing, location: {kind: element, mass: motor}, law: viscous, "
+         "parameters: {damping: {value: 0.1, unit: N m s/rad}}}\n"
+      << elements << "inputs:\n  - {name: torque, mass: motor}\noutputs:\n"
+      << "  - {name: y, mass: motor, quantity: " << quantity << "}\n";
+  return load_lumped_model(folder.file("model.yaml"));
+}
+
+const char* const kLate =
+    "  - {name: late, location: {kind: actuator, input: torque}, law: lag, parameters: "
+    "{time_constant: {value: 0.04, unit: s}}}\n";
+const char* const kSpring =
+    "  - {name: spring, location: {kind: element, mass: motor}, law: stiffness, parameters: "
+    "{stiffness: {value: 2, unit: N m/rad}}}\n";
+
+// The speed settles at `last` from `first`; the drive steps back half-way.
+OutputErrorRecording recording(double first, double last, bool as_position = false) {
+  OutputErrorRecording result;
+  result.time = VectorXd::LinSpaced(kSamples, 0.0, kStep * static_cast<double>(kSamples - 1));
+  VectorXd speed(kSamples), drive(kSamples), angle(kSamples);
+  for (Index k = 0; k < kSamples; ++k) {
+    const double t = result.time(k);
+    speed(k) = last + (first - last) * std::exp(-t / 0.2);
+    drive(k) = 2 * k < kSamples ? kTorque : 0.2 * kTorque;
+    angle(k) = (k > 0 ? angle(k - 1) : 0.0) + kStep * speed(k);
+  }
+  result.inputs = drive;
+  result.outputs = as_position ? angle : speed;
+  return result;
+}
+
+TEST(DriveStart, ALogThatBeginsWithTheCommandHadNoneBefore) {
+  EXPECT_EQ(drives_before(motor_with(""), recording(0.0, 30.0))(0), 0.0);
+  EXPECT_EQ(drives_before(motor_with("", "position"), recording(0.0, 30.0, true))(0), 0.0);
+  EXPECT_EQ(drives_before(motor_with(""), recording(0.0, -30.0))(0), 0.0);
+}
+
+TEST(DriveStart, AMachineThatTurnsOrStaysHadTheFirstCommand) {
+  EXPECT_EQ(drives_before(motor_with(""), recording(30.0, 30.0))(0), kTorque);
+  EXPECT_EQ(drives_before(motor_with(""), recording(25.0, 30.0))(0), kTorque);
+  EXPECT_EQ(drives_before(motor_with(kSpring), recording(0.0, 30.0))(0), kTorque);
+  OutputErrorRecording changes = recording(0.0, 30.0);
+  for (Index k = 0; k < kSamples; ++k)
+    changes.inputs(k, 0) = std::cos(0.5 * static_cast<double>(k));
+  EXPECT_EQ(drives_before(motor_with(""), changes)(0), 1.0);
+}
+
+// T x' = u - x from x(0) = 0: x = u (1 - exp(-t/T)); from x(0) = u: x = u.
+TEST(DriveStart, ALateActuatorBeginsFromThere) {
+  const LumpedModel late = motor_with(kLate);
+  for (const double first : {0.0, 30.0}) {
+    const std::vector<OutputErrorRecording> recordings{recording(first, 30.0)};
+    const RecordedNodes nodes = recorded_nodes(recordings, InputHold::kZero, 1);
+    DriveSignals signals(recordings, InputHold::kZero, nodes);
+    const NodeInputs& drive = signals.of(0, late, kStep);
+    for (const Index k : {Index{1}, Index{10}, Index{100}}) {
+      const double t = kStep * static_cast<double>(k);
+      const double expected = first > 0.0 ? kTorque : -kTorque * std::expm1(-t / kLag);
+      EXPECT_NEAR(drive.samples(0, k), expected, 1e-9 * kTorque) << first << " " << k;
+    }
+  }
+}
+
+TEST(DriveStart, ADelayedCommandIsNotThereBeforeItsDelay) {
+  const LumpedModel late = motor_with(
+      "  - {name: late, location: {kind: actuator, input: torque}, law: delay, parameters: "
+      "{delay: {value: 0.01, unit: s}}}\n");
+  const std::vector<OutputErrorRecording> recordings{recording(0.0, 30.0)};
+  const RecordedNodes nodes = recorded_nodes(recordings, InputHold::kZero, 1);
+  DriveSignals signals(recordings, InputHold::kZero, nodes);
+  const NodeInputs& drive = signals.of(0, late, kStep);
+  EXPECT_EQ(drive.samples(0, 4), 0.0);
+  EXPECT_EQ(drive.samples(0, 5), kTorque);
+}
+
+}  // namespace
+}  // namespace graybox
