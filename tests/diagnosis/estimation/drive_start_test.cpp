@@ -90,7 +90,7 @@ TEST(DriveStart, ALateActuatorBeginsFromThere) {
 TEST(DriveStart, ADelayedCommandIsNotThereBeforeItsDelay) {
   const LumpedModel late = motor_with(
       "  - {name: late, location: {kind: actuator, input: torque}, law: delay, parameters: "
-      "{delay: {value: 0.01, unit: s}}}\n");
+      "{time: {value: 0.01, unit: s}}}\n");
   const std::vector<OutputErrorRecording> recordings{recording(0.0, 30.0)};
   const RecordedNodes nodes = recorded_nodes(recordings, InputHold::kZero, 1);
   DriveSignals signals(recordings, InputHold::kZero, nodes);
