@@ -5,7 +5,7 @@ catalogue and with the laws taken out that belong to the machine.
     GRAYBOX_RECORDINGS=folder scripts/real_recordings_diagnosis.py GRAYBOX [SET ...] > table.csv
 
 Errors are NRMSE in percent; `literature` is the error that others reached by hand on data kept out of the
-fit, in their own measure (docs/explanation/real_machines.md), and never used here. Seconds are of two threads.
+fit, in their own measure (docs/explanation/real_machines_laws.md), and never used here. Seconds are of two threads.
 """
 import csv
 import json
@@ -20,7 +20,7 @@ FRICTION = ["coulomb", "asymmetric_coulomb", "stribeck", "sublinear_friction", "
 MEMORY = ["dahl", "lugre", "bouc_wen", "play_and_slip"]
 RIGID, LUMPED = root / "docs/examples/rigid", root / "diagnosis/models"
 # set, model, campaign, laws taken out in the second run (none: no second run), the least error reached by hand, or
-# what was measured by hand otherwise (docs/explanation/real_machines.md has both)
+# what was measured by hand otherwise (docs/explanation/real_machines_laws.md has both)
 SETS = [("EMPS", RIGID / "emps.yaml", "emps", FRICTION + MEMORY, 5.5),
         ("EMPS, any motion", LUMPED / "emps.yaml", "emps_free_run", FRICTION + MEMORY + ["load_dependent_friction"],
          "4.6 mm in free run"),

@@ -104,7 +104,7 @@ class Figures(unittest.TestCase):
     # Finding B3.
     def test_mark_what_was_reached_by_hand_as_the_docs_state_it(self):
         docs = {}
-        for line in (ROOT / "docs/explanation/real_machines.md").read_text(encoding="utf-8").splitlines():
+        for line in (ROOT / "docs/explanation/real_machines_laws.md").read_text(encoding="utf-8").splitlines():
             cells = [cell.strip() for cell in line.split("|")]
             if len(cells) >= 8 and re.fullmatch(r"[0-9.]+", cells[2]):
                 docs[cells[1]] = cells[4]
