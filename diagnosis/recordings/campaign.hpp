@@ -1,6 +1,6 @@
 // A campaign: which files hold which experiments, what their channels are, and what is done to the
 // signals before anything is computed from them. Read from campaign.yaml
-// (docs/how_to/recordings.md has every field):
+// (docs/how_to/recordings.md has every field, and preprocess.md every step of `preprocess`):
 //
 //   format: graybox-campaign/1
 //   sample_time: 0.001                       # s, or irregular, or unknown

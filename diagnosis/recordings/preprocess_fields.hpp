@@ -1,5 +1,5 @@
 // The `preprocess` list of campaign.yaml: the keys of each step and what they must hold.
-// docs/how_to/recordings.md describes every key.
+// docs/how_to/preprocess.md describes every key.
 #pragma once
 
 #include <vector>
