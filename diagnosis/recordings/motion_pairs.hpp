@@ -13,7 +13,7 @@
 //          reference against measured value; two outputs may have a gear between them),
 //   late   by more than 4 standard errors and a fifth of a sample, and the misfit falls by 30 %,
 //   rate   a velocity beside the only position that is not its derivative: more than half is left.
-// Rates of false alarms and hits: docs/how_to/faulty_data.md.
+// What it finds in published recordings: docs/how_to/channels_that_disagree.md.
 #pragma once
 
 #include <string>
