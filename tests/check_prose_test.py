@@ -1,0 +1,64 @@
+#!/usr/bin/env python3
+"""scripts/check_prose finds paragraphs and pages that are too long, and none that are not.
+
+    tests/check_prose_test.py SOURCE
+"""
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+PARAGRAPH, PAGE = 90, 1500
+
+
+def words(count):
+    """Sentences of nine words."""
+    return " ".join("word." if i % 9 == 8 else "Word" if i % 9 == 0 else "word" for i in range(count))
+
+
+def page(count):
+    """Paragraphs of fifty words."""
+    return "\n\n".join([words(50)] * (count // 50) + [words(count % 50)])
+
+
+LONG = ["a paragraph of 91 words, 90 at most: Word word"]
+CASES = [
+    ("a paragraph of 90 words", words(PARAGRAPH), []),
+    ("one of 91", words(PARAGRAPH + 1), LONG),
+    ("one of 91 on several lines", words(PARAGRAPH + 1).replace(". ", ".\n"), LONG),
+    ("an item of a list", "- " + words(PARAGRAPH), ["a paragraph of 91 words"]),
+    ("items of a list", "\n".join(["- " + words(60)] * 3), []),
+    ("numbered items", "\n".join(["1. " + words(60)] * 3), []),
+    ("a text before a list", words(60) + "\n\n- " + words(60), []),
+    ("a row of a table", "| a | b |\n|---|---|\n| " + words(91) + " | |\n", ["a paragraph of 91 words"]),
+    ("rows of a table", "| a | b |\n|---|---|\n" + ("| " + words(60) + " | b |\n") * 3, []),
+    ("a heading", "# " + words(50) + "\n" + words(50), []),
+    ("a fence", "```\n" + words(200) + "\n```\n", []),
+    ("a formula", "$$\n" + words(200) + "\n$$\n", []),
+    ("a comment", "<!-- " + words(200) + " -->\n", []),
+    ("the address of a link is no word", words(PARAGRAPH - 1) + " [word](a b c)", []),
+    ("a page of 1500 words", page(PAGE), []),
+    ("one of 1501", page(PAGE + 1), ["the page has 1501 words, 1500 at most"]),
+    ("a page with a long fence", page(PAGE) + "\n\n```\n" + words(200) + "\n```\n", []),
+    ("a page that a program writes", "<!-- Written by scripts/generate_reference -->\n" + words(91), []),
+]
+
+
+def main():
+    script = Path(sys.argv[1]) / "scripts" / "check_prose"
+    faults = 0
+    with tempfile.TemporaryDirectory() as folder:
+        for what, text, expected in CASES:
+            file = Path(folder) / "case.md"
+            file.write_text(text)
+            result = subprocess.run([sys.executable, script, file], capture_output=True, text=True)
+            lines = result.stdout.splitlines() if result.returncode else []
+            if len(lines) != len(expected) or not all(e in line for e, line in zip(expected, lines)):
+                print(f"{what}: expected {expected}, got {result.returncode} {result.stdout}{result.stderr}")
+                faults += 1
+    print(f"{len(CASES)} cases, {faults} faults")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
