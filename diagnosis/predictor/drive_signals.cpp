@@ -69,7 +69,7 @@ void apply_rate_limit(const RateLimitStep& law, Index channel, double before, No
   double x = before;
   pass_with_states(
       channel, [&](double) { return x; },
-      [&](double before, double now) { x = law.from(x, before, now); }, drive);
+      [&](double begin, double now) { x = law.from(x, begin, now); }, drive);
 }
 
 // Other laws with states: midpoint steps, sixteen a step.
