@@ -6,7 +6,6 @@
 //   evaluator->information(point, packed);
 #pragma once
 
-#include <Eigen/Core>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -23,21 +22,6 @@ class InformationEvaluator {
   virtual void information(std::span<const double> point, std::span<double> packed) = 0;
 };
 
-// Bounds of the sensitivity tr(W H(x)) over boxes, for one W. One for each thread.
-class SensitivityBound {
- public:
-  struct Answer {
-    double at_centre = 0.0;  // tr(W H) at the centre of the box
-    double above = 0.0;      // tr(W H) <= this in all of the box; infinite: the box is too large
-  };
-
-  virtual ~SensitivityBound() = default;
-
-  // `shares`: how much each coordinate's width adds to the bound, to choose which one to halve.
-  virtual Answer over(std::span<const double> lower, std::span<const double> upper,
-                      std::span<double> shares) = 0;
-};
-
 class CandidateSpace {
  public:
   virtual ~CandidateSpace() = default;
@@ -48,12 +32,6 @@ class CandidateSpace {
   [[nodiscard]] virtual std::span<const double> upper() const = 0;
 
   [[nodiscard]] virtual std::unique_ptr<InformationEvaluator> evaluator() const = 0;
-
-  // For a positive semidefinite W (d x d); none where this space knows no bound.
-  [[nodiscard]] virtual std::unique_ptr<SensitivityBound> sensitivity_bound(
-      const Eigen::MatrixXd& /*weight*/) const {
-    return nullptr;
-  }
 
   [[nodiscard]] std::size_t coordinate_count() const { return lower().size(); }  // n
 };

@@ -6,7 +6,6 @@
 #include <numbers>
 
 #include "problems/base/error.hpp"
-#include "problems/robot_information/robot_sensitivity_bound.hpp"
 
 namespace graybox {
 namespace {
@@ -73,11 +72,6 @@ RobotSpace::RobotSpace(const RobotModel& robot, const std::vector<JointRange>& r
 
 std::unique_ptr<InformationEvaluator> RobotSpace::evaluator() const {
   return std::make_unique<RobotEvaluator>(robot_, options_);
-}
-
-std::unique_ptr<SensitivityBound> RobotSpace::sensitivity_bound(
-    const Eigen::MatrixXd& weight) const {
-  return robot_sensitivity_bound(robot_, options_, weight);
 }
 
 PositionTable RobotSpace::inside(const PositionTable& positions) const {

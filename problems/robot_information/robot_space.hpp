@@ -28,9 +28,6 @@ class RobotSpace : public CandidateSpace {
   [[nodiscard]] std::span<const double> lower() const override { return lower_; }
   [[nodiscard]] std::span<const double> upper() const override { return upper_; }
   [[nodiscard]] std::unique_ptr<InformationEvaluator> evaluator() const override;
-  // For an arm of few rotations (robot_sensitivity_bound.hpp).
-  [[nodiscard]] std::unique_ptr<SensitivityBound> sensitivity_bound(
-      const Eigen::MatrixXd& weight) const override;
 
   // The positions of a table that lie in the box. Throws InputError if there is none.
   [[nodiscard]] PositionTable inside(const PositionTable& positions) const;
