@@ -312,7 +312,17 @@ void relate_encoders(MassMachine& machine, CampaignDraft& draft, ModelProposal& 
   constexpr double kTogether = 0.5, kRigid = 0.98, kNoGear = 1.2;
   if (std::abs(alike) < kTogether) return;
   const double size = std::abs(slope);
-  const bool has_gear = std::abs(alike) > kRigid && (size > kNoGear || size < 1.0 / kNoGear);
+  bool has_gear = std::abs(alike) > kRigid && (size > kNoGear || size < 1.0 / kNoGear);
+  const bool are_stated = std::ranges::all_of(machine.motions, [](const MotionChoice& motion) {
+    return motion.column->answered && !motion.column->words.unit.empty();
+  });
+  if (has_gear && are_stated) {
+    proposal.notes.push_back(fmt::format(
+        "the load moves {:.4g} times as far as the motor; both units are as you said. Behind a "
+        "gear, state the load's unit with its factor (--column 'NAME=position:{:.4g} UNIT')",
+        size, 1.0 / size));
+    has_gear = false;
+  }
   if (slope > 0.0 && !has_gear) return;
   const double factor = (has_gear ? 1.0 / size : 1.0) * (slope < 0.0 ? -1.0 : 1.0);
   machine.motions[1].factor *= factor;

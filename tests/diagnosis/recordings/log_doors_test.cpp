@@ -699,6 +699,25 @@ TEST_F(LogDoors, TheOnlySensorOfTwoMassesIsTheMotors) {
   EXPECT_TRUE(says(proposal, "'output' is the only motion")) << all_of(proposal);
 }
 
+// Units that you state stay; a ratio of two sensors that move together is told.
+TEST_F(LogDoors, AGearIsNotGuessedAgainstStatedUnits) {
+  const DoorAxis m = door_axis(1000, 0.01);
+  ProposalRequest request;
+  request.machine = ProposedMachine::kTwoMasses;
+  const auto two = [&](const std::vector<std::string>& columns) {
+    return proposed(table_of({{"time [s]", m.time},
+                              {"motor_position", m.position},
+                              {"load_position", 0.8 * m.position},
+                              {"force [N]", m.force}}),
+                    columns, request);
+  };
+  const ModelProposal stated = two({"motor_position=position:mm", "load_position=position:mm"});
+  EXPECT_FALSE(says(stated, "load's sensor: times")) << all_of(stated);
+  EXPECT_TRUE(says(stated, "the load moves 0.8 times as far as the motor")) << all_of(stated);
+  const ModelProposal open = two({"motor_position=position:mm", "load_position=position"});
+  EXPECT_FALSE(says(open, "times as far as the motor")) << all_of(open);
+}
+
 // A letter's guess that jumps as a switch does is no position.
 TEST_F(LogDoors, ASwitchIsNoPosition) {
   const DoorAxis m = door_axis(2000, 0.01);
