@@ -54,6 +54,25 @@ std::string servo_of(const MassMachine& machine) {
       "  - name: servo", machine.force_factor, machine.is_linear() ? "N/m" : "N m/rad");
 }
 
+// A spring and a damper between motor and load, and viscous friction of both.
+std::string elements_of_two(const TwoMassStart& start, const std::string& stiffness,
+                            const std::string& damping) {
+  constexpr double kBearing = 0.1;  // of the coupling's damping
+  std::string text = fmt::format(
+      "elements:\n  - name: coupling\n    location: {{kind: element, between: [motor, load]}}\n"
+      "    law: stiffness\n    parameters: {{stiffness: {{value: {:.4g}, unit: {}}}}}\n"
+      "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
+      "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
+      start.stiffness, stiffness, start.damping, damping);
+  for (const char* mass : {"motor", "load"}) {
+    text += fmt::format(
+        "  - name: {0}_bearing\n    location: {{kind: element, mass: {0}}}\n    law: viscous\n"
+        "    parameters: {{damping: {{value: {1:.4g}, unit: {2}}}}}\n",
+        mass, kBearing * start.damping, damping);
+  }
+  return text;
+}
+
 class MassModel {
  public:
   MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
@@ -318,7 +337,6 @@ class MassModel {
   }
 
   std::string two_masses() {
-    constexpr double kBearing = 0.1;  // of the coupling's damping
     SpringStart start = spring_start();
     TwoMassStart& values = start.values;
     const double critical = std::sqrt(values.stiffness * std::min(values.motor, values.load));
@@ -334,27 +352,20 @@ class MassModel {
         "{:<46} # {}; {}\n",
         fmt::format("masses: {{motor: {:.4g}, load: {:.4g}}}", values.motor, values.load),
         inertia_unit(), start.reason);
-    text += fmt::format(
-        "elements:\n  - name: coupling\n    location: {{kind: element, between: [motor, load]}}\n"
-        "    law: stiffness\n    parameters: {{stiffness: {{value: {:.4g}, unit: {}}}}}\n"
-        "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
-        "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
-        values.stiffness, stiffness, values.damping, damping);
-    for (const char* mass : {"motor", "load"}) {
-      text += fmt::format(
-          "  - name: {0}_bearing\n    location: {{kind: element, mass: {0}}}\n    law: viscous\n"
-          "    parameters: {{damping: {{value: {1:.4g}, unit: {2}}}}}\n",
-          mass, kBearing * values.damping, damping);
-    }
-    if (machine_.motions.size() == 2 && !machine_.motions[1].is_velocity && can_compute()) {
-      const double zero = (motion(1) - motion(0)).mean();
-      text += fmt::format(
-          "  - name: load_zero                            # the sensors' zeros differ\n"
-          "    location: {{kind: sensor, output: {}}}\n    law: offset\n"
-          "    parameters: {{value: {{value: {:.4g}, unit: {}}}}}\n",
-          machine_.motion_name(1), zero, machine_.is_linear() ? "m" : "rad");
-    }
-    return text;
+    text += elements_of_two(values, stiffness, damping);
+    return text + load_zero();
+  }
+
+  // Of two positions.
+  std::string load_zero() {
+    if (machine_.motions.size() != 2 || machine_.motions[1].is_velocity || !can_compute())
+      return "";
+    return fmt::format(
+        "  - name: load_zero                            # the sensors' zeros differ\n"
+        "    location: {{kind: sensor, output: {}}}\n    law: offset\n"
+        "    parameters: {{value: {{value: {:.4g}, unit: {}}}}}\n",
+        machine_.motion_name(1), (motion(1) - motion(0)).mean(),
+        machine_.is_linear() ? "m" : "rad");
   }
 
   const MassMachine& machine_;
