@@ -10,9 +10,9 @@
 
 namespace graybox {
 
-// By input. Zero for a force that stays at its first value while the machine, at rest at first,
-// gets going: so large a force was not there before. Any other input is what its first sample
-// says, as all are of a model with springs, which may hold a machine at rest against a force.
+// By input. A force that stays at its first value, while the machine at rest gets going, was zero
+// before: so large a force would have moved it. Any other input was what its first sample says. So
+// were all inputs of a model with springs or weights, which hold a machine at rest against a force.
 // Gets going: from a twentieth of the rms speed or less to a third of it or more.
 [[nodiscard]] Eigen::VectorXd drives_before(const LumpedModel& model,
                                             const OutputErrorRecording& recording);
