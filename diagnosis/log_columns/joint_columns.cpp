@@ -1,5 +1,7 @@
 #include "diagnosis/log_columns/joint_columns.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
@@ -9,6 +11,8 @@
 #include <ranges>
 #include <set>
 #include <utility>
+
+#include "problems/base/error.hpp"
 
 namespace graybox {
 namespace {
@@ -30,12 +34,11 @@ bool contains(const Words& title, const Words& part) {
   return std::ranges::search(title, part).begin() != title.end();
 }
 
-// The joint whose name has the most words in the title; numbers alone name none.
-std::optional<std::size_t> joint_by_name(const LogColumn& column,
-                                         const std::vector<UrdfJoint>& joints) {
+// The joint whose name has the most words there; numbers alone name none.
+std::optional<std::size_t> joint_in_words(const Words& title,
+                                          const std::vector<UrdfJoint>& joints) {
   std::optional<std::size_t> best;
   std::size_t most = 0;
-  const Words title = words_of(column.joint.empty() ? column.name : column.joint);
   for (std::size_t k = 0; k < joints.size(); ++k) {
     const Words words = words_of_joint(joints[k].name);
     if (std::ranges::all_of(words, are_digits) || !contains(title, words)) continue;
@@ -44,6 +47,28 @@ std::optional<std::size_t> joint_by_name(const LogColumn& column,
     best = k;
   }
   return best;
+}
+
+// The joint that the user named, by its whole name or by its words.
+std::size_t joint_as_said(const LogColumn& column, const std::vector<UrdfJoint>& joints) {
+  const Words said = words_of(column.joint);
+  const auto is_it = [&](const UrdfJoint& joint) { return words_of(joint.name) == said; };
+  auto named = std::ranges::find(joints, column.joint, &UrdfJoint::name);
+  if (named == joints.end()) named = std::ranges::find_if(joints, is_it);
+  if (named != joints.end()) return static_cast<std::size_t>(named - joints.begin());
+  if (const std::optional<std::size_t> joint = joint_in_words(said, joints)) return *joint;
+  std::string names;
+  for (const UrdfJoint& joint : joints) {
+    if (joint.moves) names += (names.empty() ? "" : ", ") + joint.name;
+  }
+  throw InputError(fmt::format("--column '{}=...@{}': the URDF has no joint '{}'; there are {}",
+                               column.name, column.joint, column.joint, names));
+}
+
+std::optional<std::size_t> joint_by_name(const LogColumn& column,
+                                         const std::vector<UrdfJoint>& joints) {
+  if (!column.joint.empty()) return joint_as_said(column, joints);
+  return joint_in_words(words_of(column.name), joints);
 }
 
 // The title without its unit, and without its joint or number.

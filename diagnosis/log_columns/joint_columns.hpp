@@ -26,7 +26,8 @@ struct ColumnFamily {
   Columns columns;         // by joint, as in the URDF's list
 };
 
-// `joints`: those of the URDF, in its order. Columns that belong to no joint are left out.
+// `joints`: those of the URDF, in its order. Columns that belong to no joint are left out. Throws
+// InputError where the user named a joint that is not among them.
 [[nodiscard]] std::vector<ColumnFamily> column_families(const LogRecording& recording,
                                                         const std::vector<UrdfJoint>& joints);
 

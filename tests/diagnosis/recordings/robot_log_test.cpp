@@ -116,6 +116,24 @@ TEST_F(RobotLogs, AJointThatIsNamedDoesNotDropTheOthers) {
   EXPECT_EQ(value_of(one, "positions").find(" to "), std::string::npos);
 }
 
+// Also where the name is but a word for joints and a number, which a title would not be held to.
+TEST_F(RobotLogs, AJointIsNamedByItsWholeName) {
+  const std::vector<std::pair<std::string, Signal>> columns{{"q1", swing(1.0, 3.0, 0.0)},
+                                                            {"q2", swing(0.8, 4.1, 0.3)},
+                                                            {"current", swing(40.0, 3.0, 1.0)}};
+  for (const char* name : {"joint_1", "joint-1"}) {
+    const ModelProposal robot =
+        proposed({"joint_1", "joint_2"}, columns, {fmt::format("current=torque@{}", name)});
+    EXPECT_EQ(value_of(robot, "joints").substr(0, 11), "1, joint_1;") << name;
+    EXPECT_NE(robot.campaign_text.find("column: \"current\""), std::string::npos) << name;
+  }
+  testing::expect_refused(
+      [&] {
+        proposed({"joint_1", "joint_2"}, columns, {"current=torque@joint_9"});
+      },
+      "the URDF has no joint 'joint_9'; there are joint_1, joint_2");
+}
+
 TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
   const ModelProposal robot = proposed({"waist", "wrist"}, {{"waist_pos", swing(1.0, 3.0, 0.0)},
                                                             {"waist_effort", swing(40.0, 3.0, 1.0)},
