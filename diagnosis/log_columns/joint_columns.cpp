@@ -295,12 +295,19 @@ std::vector<ColumnFamily> families_of(const std::vector<ColumnFamily>& families,
 }
 
 std::vector<ColumnFamily> families_of_drive(const std::vector<ColumnFamily>& families) {
+  const auto moves = [](const auto& each) { return each.second->moves(); };
+  const auto is_told = [&](const auto& each) {
+    return moves(each) || (each.second->answered && each.second->is_zero());
+  };
   std::vector<ColumnFamily> list;
   for (const ColumnFamily& family : families) {
-    const bool any_moves =
-        std::ranges::any_of(family.columns, [](const auto& each) { return each.second->moves(); });
-    if (drives(family.quantity) && any_moves) list.push_back(family);
+    if (drives(family.quantity) && std::ranges::any_of(family.columns, is_told)) {
+      list.push_back(family);
+    }
   }
+  const bool any_moves = std::ranges::any_of(
+      list, [&](const ColumnFamily& each) { return std::ranges::any_of(each.columns, moves); });
+  if (!any_moves) return {};
   const auto rank = [](const ColumnFamily& family) {
     return manner(family) + rank_of_drive(family.quantity);
   };

@@ -37,7 +37,7 @@ void read_beside_joints(const std::vector<UrdfJoint>& joints, LogRecording& reco
 
 // The family of a quantity (or of any drive) that is measured, raw and has the most joints; several
 // if that leaves it open, none if there is none. Columns that the user named for that take the
-// place of their joints' others, and are added where a family has none.
+// place of their joints' others, and are added where a family has none. None if no drive moves.
 [[nodiscard]] std::vector<ColumnFamily> families_of_drive(
     const std::vector<ColumnFamily>& families);
 [[nodiscard]] std::vector<ColumnFamily> families_of(const std::vector<ColumnFamily>& families,

@@ -600,6 +600,10 @@ bool LogColumn::moves() const {
   return highest > lowest;
 }
 
+bool LogColumn::is_zero() const {
+  return !moves() && std::ranges::find(values, 0.0) != values.end();
+}
+
 bool LogColumn::counts_rows() const {
   if (values.size() < 3 || !values.allFinite()) return false;
   const double step = values(1) - values(0);

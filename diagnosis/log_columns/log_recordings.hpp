@@ -37,6 +37,7 @@ struct LogColumn {
   bool is_goal = false;               // of a servo: said by the user
 
   [[nodiscard]] bool moves() const;     // finite values are not all the same, here or in all logs
+  [[nodiscard]] bool is_zero() const;   // finite values are all exactly zero, here and in all logs
   [[nodiscard]] bool has_gaps() const;  // some values are not finite
   [[nodiscard]] bool counts_rows() const;  // whole numbers, each larger than the last by the same
 };

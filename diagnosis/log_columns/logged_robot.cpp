@@ -96,6 +96,7 @@ double LoggedRobot::share_of_weight(const AngleUnit& angle_unit) const {
     weight += evaluator.gravity_torque(q.row(k).transpose()).cwiseAbs2();
     recorded += torque.row(k).transpose().cwiseAbs2();
   }
+  weight = (recorded.array() > 0.0).select(weight, 0.0);  // what nothing drives tells no unit
   Eigen::Index most = 0;
   return weight.maxCoeff(&most) > 0.0 ? std::sqrt(recorded(most) / weight(most)) : 0.0;
 }
@@ -129,7 +130,11 @@ Eigen::VectorXd LoggedRobot::angles(std::size_t joint, const AngleUnit& unit) co
 bool LoggedRobot::is_usable(std::size_t joint) const {
   const auto force = forces_->columns.find(joint);
   return joints_[joint].moves && positions_->columns.contains(joint) &&
-         force != forces_->columns.end() && force->second->moves();
+         force != forces_->columns.end() && (force->second->moves() || is_passive(joint));
+}
+
+bool LoggedRobot::is_passive(std::size_t joint) const {
+  return force(joint).is_zero() && position(joint).moves();
 }
 
 std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {

@@ -52,6 +52,8 @@ class LoggedRobot {
     return *forces_->columns.at(joint);
   }
   [[nodiscard]] const ColumnFamily& forces() const { return *forces_; }
+  // Whether it moves though its force is zero throughout, as without a drive. Of logged joints.
+  [[nodiscard]] bool is_passive(std::size_t joint) const;
   // "'tau_1' to 'tau_6'", of the joints in the chain.
   [[nodiscard]] std::string range_of(const ColumnFamily& family) const;
 

@@ -68,7 +68,7 @@ struct ModelProposal {
   std::vector<ProposedGuess> guesses;
   std::vector<OpenQuestion> questions;
   std::vector<std::string> notes;              // what the user should know, in a sentence each
-  std::map<std::string, std::string> columns;  // by channel, of a robot's forces
+  std::map<std::string, std::string> columns;  // by channel, of a robot's drives
   bool is_too_short = false;  // a diagnosis by prediction error would refuse it, a fit would not
 };
 

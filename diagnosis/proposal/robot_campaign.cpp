@@ -76,8 +76,14 @@ class RobotCampaignDraft {
 
   void add_force(std::size_t joint) {
     const LogColumn& column = robot_.force(joint);
-    refuse_odd_unit(column, "torque", "N m");
     const std::string base = unit_of_force(joint);
+    const std::string name = joint_channel("force", robot_.joints()[joint].name);
+    if (robot_.is_passive(joint)) {  // a zero in any unit, and of either sign
+      draft_.channels.push_back(
+          {name, column.file, column.name, base, "", "input", "zero: nothing drives this joint"});
+      return;
+    }
+    refuse_odd_unit(column, "torque", "N m");
     std::string unit = column.words.unit;
     const Unit* known = find_unit(unit);
     const bool is_force = known != nullptr && (known->base == "N" || known->base == "N m");
@@ -90,7 +96,6 @@ class RobotCampaignDraft {
       gain = fmt::format("{{value: {:g}, unit: {}}}", column.words.unit_factor,
                          in_quotes(base + "/" + unit));
     }
-    const std::string name = joint_channel("force", robot_.joints()[joint].name);
     if (std::ranges::find(request_.reversed, column.name) != request_.reversed.end()) {
       const Unit* written = is_force ? find_unit(unit) : nullptr;
       const double size = (written == nullptr ? 1.0 : written->factor) * column.words.unit_factor;
@@ -208,9 +213,33 @@ class RobotCampaignDraft {
               : "no newton metres are stated: each drive's gain is unknown, and estimated");
     std::string still;
     for (const auto& [joint, column] : robot_.forces().columns) {
-      if (!column->moves()) still += (still.empty() ? "" : ", ") + robot_.joints()[joint].name;
+      if (!column->moves() && !is_passive(joint))
+        still += (still.empty() ? "" : ", ") + robot_.joints()[joint].name;
     }
     if (!still.empty()) proposal_.notes.push_back("the force never changes of " + still);
+    note_passive();
+  }
+
+  [[nodiscard]] bool is_passive(std::size_t joint) const {
+    return std::ranges::find(robot_.chain(), joint) != robot_.chain().end() &&
+           robot_.is_passive(joint);
+  }
+
+  // What nothing drives is taken so by its zeros alone.
+  void note_passive() {
+    for (const std::size_t joint : robot_.chain()) {
+      if (!robot_.is_passive(joint)) continue;
+      const std::string &name = robot_.joints()[joint].name, &force = robot_.force(joint).name;
+      proposal_.notes.push_back(fmt::format(
+          "joint {} moves and '{}' is zero throughout: it is taken as a joint that nothing "
+          "drives; --column '{}=ignore' if zero means that nothing was measured",
+          name, force, force));
+      if (gains_known_) continue;
+      proposal_.notes.push_back(fmt::format(
+          "joint {}: zeros tell nothing of its own motion while the other drives' gains are "
+          "unknown; state their unit, as in --column 'NAME=torque:N m'",
+          name));
+    }
   }
 
   void guess_filter(const std::vector<const LogColumn*>& columns) {

@@ -53,9 +53,13 @@ std::string robot_model_text(const ProposalRequest& request, const LoggedRobot& 
   std::vector<std::string> forces, positions;
   for (const std::size_t joint : robot.chain()) {
     const std::string& name = robot.joints()[joint].name;
-    text += fmt::format(
-        "  - {{name: {}, gear_ratio: 1, rotor_inertia: unknown}}{}\n", in_quotes(name),
-        doubts.beyond_limits ? "  # ANSWER: is the log of motors? Then their gear ratio" : "");
+    const bool is_passive = robot.is_passive(joint);
+    text +=
+        fmt::format("  - {{name: {}, gear_ratio: 1, rotor_inertia: {}}}{}\n", in_quotes(name),
+                    is_passive ? "0" : "unknown",
+                    doubts.beyond_limits ? "  # ANSWER: is the log of motors? Then their gear ratio"
+                    : is_passive         ? "  # nothing drives it"
+                                         : "");
     forces.push_back(joint_channel("force", name));
     positions.push_back(joint_channel("position", name));
   }
@@ -103,10 +107,11 @@ class RobotProposal {
       for (const UrdfJoint& joint : robot_.joints()) {
         if (joint.moves) names += (names.empty() ? "" : ", ") + joint.name;
       }
-      throw InputError(fmt::format(
-          "{}: no columns are the {} of joints of {} ({}); say so by --column NAME={}@JOINT",
-          log_.files.front().string(), what, robot_.urdf_name(), names,
-          what == "position" ? "position" : "torque"));
+      throw InputError(
+          fmt::format("{}: no columns {}are the {} of joints of {} ({}); say so by --column "
+                      "NAME={}@JOINT",
+                      log_.files.front().string(), what == "position" ? "" : "that move ", what,
+                      robot_.urdf_name(), names, what == "position" ? "position" : "torque"));
     }
     if (list.size() == 1) return list.front();
     OpenQuestion question;
@@ -162,8 +167,10 @@ class RobotProposal {
       if (quantity == LogQuantity::kUnknown && column->moves()) open = column;
     }
     if (motion == nullptr && open == nullptr) return;
-    std::string remedy =
-        fmt::format("log its force, too, and name it by --column 'NAME=torque@{}'", name);
+    std::string remedy = fmt::format(
+        "log its force, too (zeros where nothing drives it), and name it by --column "
+        "'NAME=torque@{}'",
+        name);
     if (motion != nullptr && drive == nullptr && open != nullptr) {
       remedy =
           fmt::format("--column '{}=torque@{}' adds it if that is its force", open->name, name);

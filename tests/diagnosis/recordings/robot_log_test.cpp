@@ -154,6 +154,54 @@ TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
   EXPECT_EQ(notes_of(added).find("locked"), std::string::npos) << notes_of(added);
 }
 
+// Zeros are a known force; another constant may be an idle offset.
+TEST_F(RobotLogs, AJointThatNothingDrivesStays) {
+  const auto with = [&](double torque, double swing_of_second, const char* unit) {
+    return proposed({"joint_1", "joint_2"},
+                    {{"q1", swing(1.0, 3.0, 0.0)},
+                     {"q2", swing(swing_of_second, 4.1, 0.3)},
+                     {fmt::format("tau1{}", unit), swing(4.0, 3.0, 1.0)},
+                     {fmt::format("tau2{}", unit), [=](double) { return torque; }}});
+  };
+  const ModelProposal passive = with(0.0, 0.8, " [N m]");
+  EXPECT_EQ(value_of(passive, "joints").substr(0, 21), "2, joint_1 to joint_2");
+  EXPECT_EQ(notes_of(passive).find("locked"), std::string::npos) << notes_of(passive);
+  EXPECT_NE(notes_of(passive).find("joint joint_2 moves and 'tau2 [N m]' is zero throughout"),
+            std::string::npos)
+      << notes_of(passive);
+  EXPECT_EQ(notes_of(passive).find("the force never changes"), std::string::npos);
+  EXPECT_NE(passive.model_text.find("\"joint_2\", gear_ratio: 1, rotor_inertia: 0}"),
+            std::string::npos)
+      << passive.model_text;
+  EXPECT_EQ(notes_of(passive).find("gains are unknown"), std::string::npos) << notes_of(passive);
+  EXPECT_NE(notes_of(with(0.0, 0.8, "")).find("gains are unknown; state their unit"),
+            std::string::npos);
+  const ModelProposal offset = with(0.7, 0.8, " [N m]");
+  EXPECT_EQ(value_of(offset, "joints").substr(0, 11), "1, joint_1;");
+  EXPECT_NE(notes_of(offset).find("'tau2 [N m]' never changes"), std::string::npos)
+      << notes_of(offset);
+  EXPECT_EQ(value_of(with(0.0, 0.0, " [N m]"), "joints").substr(0, 11), "1, joint_1;");
+}
+
+// A column of zeros that is named, as the note advises; alone it drives nothing.
+TEST_F(RobotLogs, ZerosMayBeNamed) {
+  const Signal none = [](double) { return 0.0; };
+  std::vector<std::pair<std::string, Signal>> columns{{"waist_pos", swing(1.0, 3.0, 0.0)},
+                                                      {"waist_effort", swing(40.0, 3.0, 1.0)},
+                                                      {"wrist_pos", swing(0.8, 4.1, 0.3)},
+                                                      {"zeros", none}};
+  EXPECT_NE(notes_of(proposed({"waist", "wrist"}, columns)).find("(zeros where nothing drives it)"),
+            std::string::npos);
+  const ModelProposal robot = proposed({"waist", "wrist"}, columns, {"zeros=torque@wrist"});
+  EXPECT_EQ(value_of(robot, "joints").substr(0, 17), "2, waist to wrist");
+  columns[1].second = none;
+  testing::expect_refused(
+      [&] {
+        proposed({"waist", "wrist"}, columns, {"zeros=torque@wrist"});
+      },
+      "no columns that move are the torque, effort or current");
+}
+
 TEST_F(RobotLogs, CountsOfServosAreAskedForAndCentred) {
   const auto counted = [](double middle, double phase) -> Signal {
     return [=](double t) { return std::round(middle + 500.0 * std::sin(3.0 * t + phase)); };
