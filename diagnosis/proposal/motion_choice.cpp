@@ -32,6 +32,10 @@ bool holds_counts(const LogColumn& column) {
   return (column.values.array() == column.values.array().round()).all();
 }
 
+bool is_counted(const LogColumn& column) {
+  return column.words.unit == "counts" || holds_counts(column);
+}
+
 // In steps of a quarter or more, as an encoder's; no angle is read so coarsely over so many turns.
 bool looks_counted(const LogColumn& column) {
   constexpr double kFar = 1000.0, kQuarters = 4.0;
@@ -120,7 +124,7 @@ class RateComparison {
       notes_.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
                                    velocity_->name, position_->name));
     }
-    if (position_->words.unit == "counts" || holds_counts(*position_)) return;
+    if (is_counted(*position_)) return;
     units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
     note_factor();
     if (!units_.contradicts) return;
@@ -287,7 +291,7 @@ class MotionUnitChoice {
     choice_.questions = rates_.questions();
     if (position_ == nullptr || prefers_velocity) {
       take_velocity();
-    } else if (position_->words.unit == "counts" || holds_counts(*position_)) {
+    } else if (is_counted(*position_)) {
       take_counts();
     } else {
       take_position();
@@ -469,6 +473,22 @@ class MotionUnitChoice {
   RateComparison rates_;
 };
 
+// One of several positions stands for all until it is answered which: of stated counts a turn the
+// first that counts.
+MotionChoice open_position(const std::vector<const LogColumn*>& rivals,
+                           const MotionContext& context) {
+  MotionChoice choice;
+  choice.column = rivals.front();
+  choice.unit = si_unit(false, context.motion);
+  const auto counted =
+      std::ranges::find_if(rivals, [](const LogColumn* each) { return is_counted(*each); });
+  if (context.counts_per_turn && counted != rivals.end()) {
+    MotionUnitChoice(*counted, nullptr, context, choice).run();
+  }
+  choice.questions.insert(choice.questions.begin(), which_of(rivals, "measured position"));
+  return choice;
+}
+
 }  // namespace
 
 Eigen::VectorXd MotionChoice::values(const LogRecording& recording) const {
@@ -517,12 +537,7 @@ MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
   MotionChoice choice;
   const ColumnChoice position = choose_measured(columns, LogQuantity::kPosition);
   const ColumnChoice velocity = choose_measured(columns, LogQuantity::kVelocity);
-  if (!position.rivals.empty()) {
-    choice.questions.push_back(which_of(position.rivals, "measured position"));
-    choice.column = position.rivals.front();
-    choice.unit = si_unit(false, context.motion);
-    return choice;
-  }
+  if (!position.rivals.empty()) return open_position(position.rivals, context);
   if (position.column == nullptr && !velocity.rivals.empty()) {
     choice.questions.push_back(which_of(velocity.rivals, "measured velocity"));
     choice.column = velocity.rivals.front();

@@ -520,6 +520,17 @@ TEST_F(LogDoubts, CountsOfATurnNeedCounts) {
   const ModelProposal counted = proposed({time, {"enc [counts]", counts}, drive}, {}, request);
   EXPECT_TRUE(counted.questions.empty());
   EXPECT_NE(counted.campaign_text.find("value: 0.0015339808"), std::string::npos);
+  // Beside another sensor it is asked which of both, and neither is called rad.
+  std::vector<double> other = counts;
+  for (std::size_t k = 0; k < other.size(); ++k) {
+    other[k] = std::round(0.25 * counts[k] + 300.0 * m.velocity[k]);
+  }
+  const Column first{"Encoder 1 Pos", counts}, second{"Encoder 2 Pos", other};
+  const ModelProposal open = proposed({time, first, second, drive}, {}, request);
+  EXPECT_NE(questions_of(open).find("Which is the measured position"), std::string::npos);
+  EXPECT_NE(open.campaign_text.find("rad/counts"), std::string::npos) << open.campaign_text;
+  EXPECT_TRUE(
+      proposed({time, first, second, drive}, {"Encoder 2 Pos=ignore"}, request).questions.empty());
   // A factor in the unit, a reversed one among them, is in the gain.
   const ModelProposal turned =
       proposed({time, {"enc [counts]", counts}, drive}, {"enc=position:-counts"}, request);
