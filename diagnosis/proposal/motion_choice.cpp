@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "problems/base/units.hpp"
 
@@ -343,12 +344,21 @@ class MotionUnitChoice {
       if (rates_.units().is_found) choice_.unit_reason += ", and the velocity agrees";
     } else if (rates_.units().is_found) {
       take(position_, false, rates_.units().position, rates_.units().why);
+    } else if (const std::optional<EncoderSteps> steps = encoder_steps(); steps) {
+      take(position_, false, steps->unit, fmt::format("steps of {}", steps->step));
     } else if (motion() == MotionKind::kRotary && span_of(*position_) > kRadiansOpen) {
       ask_unit(position_, "position", {"rad", "deg"});
       take(position_, false, "rad", "open");
     } else {
       take(position_, false, si_unit(false, motion()), "guessed: no unit is stated");
     }
+  }
+
+  // Of a title without any unit.
+  [[nodiscard]] std::optional<EncoderSteps> encoder_steps() const {
+    const ColumnWords& words = position_->words;
+    if (motion() != MotionKind::kRotary || !words.odd_unit.empty()) return {};
+    return find_encoder_steps(without_gaps(position_->values));
   }
 
   // Whole or quarter numbers over thousands of radians: counts of an encoder that are called rad.

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <string>
 #include <utility>
@@ -536,6 +537,35 @@ TEST_F(LogDoubts, CountsOfATurnNeedCounts) {
       proposed({time, {"enc [counts]", counts}, drive}, {"enc=position:-counts"}, request);
   EXPECT_NE(turned.campaign_text.find("value: -0.0015339808"), std::string::npos)
       << turned.campaign_text;
+}
+
+// The unit is that of the steps; what is printed in decimals alone tells none.
+TEST_F(LogDoubts, StepsOfAnEncoderTellTheUnitOfAnAngle) {
+  constexpr double kTurn = 2.0 * std::numbers::pi;
+  const Axis m = axis(1000, 0.01);
+  const auto in_steps = [&](double step, double scale, double printed) {
+    return mapped(m.position, [=](double q) {
+      const double counted = step * std::round(scale * q / step);
+      return printed > 0.0 ? printed * std::round(counted / printed) : counted;
+    });
+  };
+  const auto unit_of = [&](const std::vector<double>& position) {
+    const ModelProposal proposal =
+        proposed({{"time [s]", m.time}, {"angle", position}, {"torque [N m]", m.force}});
+    return value_of(proposal, "position") + questions_of(proposal);
+  };
+  const std::string degrees = unit_of(in_steps(360.0 / 2048.0, 3.0, 1e-5));
+  EXPECT_EQ(degrees, "'angle' in deg; its title; steps of 360/2048");
+  EXPECT_EQ(unit_of(in_steps(kTurn / 4096.0, 1.0, 1e-6)),
+            "'angle' in rad; its title; steps of 2 pi/4096");
+  // Also over many turns, where it would be asked else.
+  EXPECT_NE(unit_of(in_steps(360.0 / 1024.0, 57.3, 0.0)).find("steps of 360/1024"),
+            std::string::npos);
+  for (const double printed : {0.1, 0.01, 0.25}) {
+    EXPECT_EQ(unit_of(in_steps(printed, 3.0, 0.0)).find("steps of"), std::string::npos) << printed;
+  }
+  EXPECT_EQ(unit_of(in_steps(360.0 / 2048.0, 3.0, 0.1)).find("steps of"), std::string::npos);
+  EXPECT_EQ(unit_of(m.position).find("steps of"), std::string::npos);
 }
 
 // ---- values that are held -----------------------------------------------------------------------
