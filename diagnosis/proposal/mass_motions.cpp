@@ -30,7 +30,8 @@ class MotionSearch {
                                 machine_.motion,
                                 machine_.request.counts_per_turn,
                                 machine_.request.sample_time.has_value(),
-                                &time};
+                                &time,
+                                machine_.has_two || machine_.has_goal() ? nullptr : machine_.drive};
     if (machine_.has_two) {
       choose_two(context);
     } else {

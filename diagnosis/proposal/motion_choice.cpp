@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "diagnosis/log_columns/encoder_steps.hpp"
+#include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "problems/base/units.hpp"
 
@@ -499,6 +500,39 @@ MotionChoice open_position(const std::vector<const LogColumn*>& rivals,
   return choice;
 }
 
+// A position along a line beside an angle that does not move in step with it: a cart and its
+// pendulum. Or the other way round.
+bool are_two_axes(const LogColumn& chosen, const LogColumn& other) {
+  constexpr double kInStep = 0.99;  // correlation
+  const MotionKind one = chosen.words.motion, another = other.words.motion;
+  return one != MotionKind::kOpen && another != MotionKind::kOpen && one != another &&
+         !other.words.is_filtered && !is_wanted(other) && !is_guessed_switch(other) &&
+         std::abs(correlation(chosen.values, other.values)) < kInStep;
+}
+
+// The question whether another axis is meant, which the drive moves more than the chosen one.
+std::optional<MotionChoice> open_axis(const std::vector<const LogColumn*>& columns,
+                                      const LogColumn& chosen, const MotionContext& context) {
+  if (context.drive == nullptr || chosen.answered) return {};
+  const auto follows = [&](const LogColumn& column) {
+    return std::abs(
+        follows_at_once(without_gaps(context.drive->values), without_gaps(column.values), false));
+  };
+  const double of_chosen = follows(chosen);
+  for (const LogColumn* other : moving_columns(columns, LogQuantity::kPosition)) {
+    if (!are_two_axes(chosen, *other)) continue;
+    const double of_other = follows(*other);
+    if (!(of_other > of_chosen)) continue;
+    MotionChoice choice = open_position({other, &chosen}, context);
+    choice.questions.front().text += fmt::format(
+        " The drive moves '{}' more: the correlation with its acceleration is {:.2f}, with that of "
+        "'{}' {:.2f}",
+        other->name, of_other, chosen.name, of_chosen);
+    return choice;
+  }
+  return {};
+}
+
 }  // namespace
 
 Eigen::VectorXd MotionChoice::values(const LogRecording& recording) const {
@@ -556,6 +590,9 @@ MotionChoice choose_motion(const std::vector<const LogColumn*>& columns,
     return choice;
   }
   if (position.column == nullptr && velocity.column == nullptr) return choice;
+  if (position.column != nullptr) {
+    if (const auto open = open_axis(columns, *position.column, context); open) return *open;
+  }
   MotionUnitChoice(position.column, velocity.column, context, choice).run();
   choice.reason = choice.is_velocity ? velocity.reason : position.reason;
   return choice;

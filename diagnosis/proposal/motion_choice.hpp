@@ -38,8 +38,9 @@ struct MotionContext {
   EvenSamples even = {};  // of uneven times
   MotionKind motion = MotionKind::kOpen;
   std::optional<double> counts_per_turn;
-  bool step_is_stated = false;    // by the user, beside no column of times
-  const LogTime* time = nullptr;  // its column and unit
+  bool step_is_stated = false;       // by the user, beside no column of times
+  const LogTime* time = nullptr;     // its column and unit
+  const LogColumn* drive = nullptr;  // of one mass, to tell which of two axes it moves
 };
 
 // The question which unit a column has whose title states an odd one.

@@ -847,6 +847,32 @@ TEST_F(LogDoubts, AWordForAnAngleGoesBeforeALetter) {
   EXPECT_EQ(value_of(proposal, "motion").substr(0, 6), "rotary") << value_of(proposal, "motion");
 }
 
+// A cart and its pendulum: the word for the angle is the better one, and the cart is driven.
+TEST_F(LogDoubts, AnAxisThatTheDriveMovesMoreIsAsked) {
+  const Axis m = axis(1000, 0.01);
+  const std::vector<double> other = mapped(m.time, [](double t) { return std::sin(0.7 * t); });
+  const std::vector<Column> cart{
+      {"time [s]", m.time}, {"X", m.position}, {"Theta", other}, {"u", m.force}};
+  const ModelProposal asked = proposed(cart);
+  EXPECT_NE(questions_of(asked).find("Which is the measured position: 'X' or 'Theta'? The drive "
+                                     "moves 'X' more"),
+            std::string::npos)
+      << questions_of(asked);
+  EXPECT_NE(value_of(proposed(cart, {"Theta=ignore"}), "position").find("'X'"), std::string::npos);
+  EXPECT_NE(value_of(proposed(cart, {"Theta=position:rad"}), "position").find("'Theta'"),
+            std::string::npos);
+  const ModelProposal driven =
+      proposed({{"time [s]", m.time}, {"X", other}, {"Theta", m.position}, {"u", m.force}});
+  EXPECT_NE(value_of(driven, "position").find("'Theta'"), std::string::npos)
+      << questions_of(driven);
+  // In step with the angle, as on a belt, it is no other axis.
+  const ModelProposal belt = proposed({{"time [s]", m.time},
+                                       {"X", mapped(m.position, [](double q) { return 0.02 * q; })},
+                                       {"Theta", m.position},
+                                       {"u", m.force}});
+  EXPECT_NE(value_of(belt, "position").find("'Theta'"), std::string::npos) << questions_of(belt);
+}
+
 // The speed is right and the angle jitters: its rate tells no units.
 TEST_F(LogDoubts, ARoughAngleLeavesTheSpeed) {
   const Axis m = axis(1000, 0.02);
