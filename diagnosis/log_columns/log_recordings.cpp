@@ -310,11 +310,11 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
   const std::string file = recording.files[clock->file].string();
   std::string why = missing > 0 ? fmt::format("{} rows without a time are left out", missing) : "";
   if (recording.burst >= 0.0) {
-    why += fmt::format("{}{} of {} rows are samples: the others repeat them {}",
-                       why.empty() ? "" : "; ", kept, all,
-                       recording.burst > 0.0
-                           ? fmt::format("within {:.3g} of '{}'", recording.burst, clock->name)
-                           : fmt::format("at the same '{}'", clock->name));
+    why += fmt::format(
+        "{}{} of {} rows are samples: the others {}", why.empty() ? "" : "; ", kept, all,
+        recording.burst > 0.0
+            ? fmt::format("follow one within {:.3g} of '{}'", recording.burst, clock->name)
+            : fmt::format("repeat the '{}' of one", clock->name));
   }
   if (kept < kFewestSamples) {
     throw InputError(fmt::format("{}: {}; a recording needs {} samples at least: give a longer log",

@@ -257,24 +257,44 @@ class MassCampaign {
     }
   }
 
+  // From a force by a current and a voltage to a command, as LogQuantity lists them.
+  [[nodiscard]] bool is_farther_than_drive(const LogColumn& column) const {
+    return machine_.drive != nullptr && !machine_.drive->answered &&
+           drives(column.words.quantity) && column.words.quantity > machine_.drive->words.quantity;
+  }
+
+  [[nodiscard]] std::string why_unused(const LogColumn& column) const {
+    const LogQuantity quantity = column.words.quantity;
+    if (!column.moves()) return "never changes";
+    if (quantity == LogQuantity::kTime) return "another time";
+    if (quantity == LogQuantity::kUnknown) {
+      if (column.counts_rows()) return "numbers the rows";
+      if (!rises_evenly(column.values)) return "not recognised";
+      const bool is_whole = (column.values.array() == column.values.array().round()).all();
+      return is_whole ? "a counter" : "rises evenly, as a time does";
+    }
+    if (quantity == LogQuantity::kOther) {
+      return column.answered ? "you said so" : "no motion, no drive";
+    }
+    if (column.words.is_reference) return "a reference";
+    if (is_farther_than_drive(column)) {
+      return fmt::format("'{}', a {}, is nearer to the force", machine_.drive->name,
+                         name_of(machine_.drive->words.quantity));
+    }
+    return "not needed";
+  }
+
+  // Of a clock that several files have only one is listed.
+  [[nodiscard]] bool is_the_time(const LogColumn& column) const {
+    const bool is_its_file = column.file == draft_.time.file;
+    return column.name == draft_.time.column &&
+           (is_its_file || column.words.quantity == LogQuantity::kTime);
+  }
+
   void note_unused() {
-    for (const LogColumn* column : machine_.columns) {
-      if (is_used(column)) continue;
-      const bool is_unknown = column->words.quantity == LogQuantity::kUnknown;
-      const auto is_whole = [](const Eigen::VectorXd& values) {
-        return (values.array() == values.array().round()).all();
-      };
-      const char* why =
-          !column->moves()                      ? "never changes"
-          : is_unknown && column->counts_rows() ? "numbers the rows"
-          : is_unknown && rises_evenly(column->values)
-              ? (is_whole(column->values) ? "a counter" : "rises evenly, as a time does")
-          : column->words.quantity == LogQuantity::kUnknown                   ? "not recognised"
-          : column->answered && column->words.quantity == LogQuantity::kOther ? "you said so"
-          : column->words.quantity == LogQuantity::kOther ? "no motion, no drive"
-          : column->words.is_reference                    ? "a reference"
-                                                          : "not needed";
-      draft_.unused.push_back(fmt::format("{}: {}", column->name, why));
+    for (const LogColumn& column : machine_.log.columns) {
+      if (is_used(&column) || is_the_time(column)) continue;
+      draft_.unused.push_back(fmt::format("{}: {}", column.name, why_unused(column)));
     }
     if (!draft_.unused.empty()) {
       std::string names;

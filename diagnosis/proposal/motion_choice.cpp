@@ -305,14 +305,17 @@ class MotionUnitChoice {
  private:
   [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
 
-  // What was seen of the two, and which of them is not used.
+  // What was seen of the two, and once which of them is not used: a velocity by the first of it, a
+  // position by the last, which prefers the velocity.
   void note_remarks() {
-    for (const std::string& remark : rates_.remarks()) {
-      const LogColumn* unused = choice_.is_velocity ? position_ : velocity_;
-      choice_.notes.push_back(choice_.is_velocity
-                                  ? fmt::format("{}; '{}' is not used", remark, unused->name)
-                                  : remark + ": it is not used");
+    std::vector<std::string> remarks = rates_.remarks();
+    if (remarks.empty()) return;
+    if (choice_.is_velocity) {
+      remarks.back() += fmt::format("; '{}' is not used", position_->name);
+    } else {
+      remarks.front() += ": it is not used";
     }
+    choice_.notes.insert(choice_.notes.end(), remarks.begin(), remarks.end());
   }
 
   void take(const LogColumn* column, bool is_velocity, const std::string& unit,

@@ -182,6 +182,9 @@ TEST_F(LogDoors, RowsWrittenAgainAreOneSample) {
                                                       {"position [rad]", burst.position},
                                                       {"torque [N m]", burst.force}}));
     EXPECT_TRUE(says(proposal, "400 of 2800 rows are samples")) << all_of(proposal);
+    EXPECT_TRUE(says(proposal, within > 0.0 ? "the others follow one within"
+                                            : "the others repeat the 'time' of one"))
+        << all_of(proposal);
     EXPECT_NE(proposal.campaign_text.find("burst: "), std::string::npos);
     const ExperimentRecording run = loaded(proposal);
     EXPECT_DOUBLE_EQ(run.data.sample_time.value_or(0.0), 0.04);

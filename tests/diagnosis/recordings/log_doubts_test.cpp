@@ -825,6 +825,41 @@ TEST_F(LogDoubts, WordsAboutARateNameWhatIsNotUsed) {
   EXPECT_EQ(notes_of(proposal).find("it is not used"), std::string::npos);
 }
 
+// However much was seen of the two.
+TEST_F(LogDoubts, WhatIsNotUsedIsSaidOnce) {
+  const Axis m = axis(1000, 0.01);
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> noise(0.0, 0.05);
+  std::vector<double> late = m.velocity;
+  for (std::size_t k = late.size() - 1; k >= 10; --k) late[k] = 3.7 * late[k - 10];
+  for (const double rough : {0.0, 1.0}) {
+    const std::vector<double> angle =
+        mapped(m.position, [&](double q) { return q + rough * noise(random); });
+    const std::string notes = notes_of(
+        proposed({{"time [s]", m.time}, {"angle", angle}, {"speed", late}, {"torque", m.force}}));
+    const std::size_t first = notes.find(" is not used");
+    EXPECT_NE(first, std::string::npos) << notes;
+    EXPECT_EQ(notes.find(" is not used", first + 1), std::string::npos) << notes;
+  }
+}
+
+// A current goes before a command, and times that are not the time are listed, too.
+TEST_F(LogDoubts, WhyAColumnIsNotUsedIsSaid) {
+  const Axis m = axis(1000, 0.01);
+  const ModelProposal proposal =
+      proposed({{"Ts_real_s", mapped(m.time, [](double t) { return t > 0.0 ? 0.01 : -0.99; })},
+                {"time_s", m.time},
+                {"PWM_input", mapped(m.force, [](double u) { return 100.0 * u; })},
+                {"omega_rad_s", m.velocity},
+                {"current_A", m.force}});
+  const std::string unused = value_of(proposal, "not used");
+  EXPECT_NE(unused.find("Ts_real_s: another time"), std::string::npos) << unused;
+  EXPECT_NE(unused.find("PWM_input: 'current_A', a current, is nearer to the force"),
+            std::string::npos)
+      << unused;
+  EXPECT_EQ(unused.find("time_s: "), std::string::npos) << unused;
+}
+
 // A counter rises in steps of about one size: no force does.
 TEST_F(LogDoubts, ACounterIsNoDrive) {
   const Axis m = axis(1000, 0.01);
