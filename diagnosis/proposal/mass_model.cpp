@@ -73,6 +73,25 @@ std::string elements_of_two(const TwoMassStart& start, const std::string& stiffn
   return text;
 }
 
+// What nothing drives only slows down, but for a weight or a spring.
+void note_gained_speed(const MassMachine& machine, ModelProposal& proposal) {
+  constexpr double kPart = 0.1, kGained = 3.0;  // of the samples; times the speed
+  if (!machine.request.no_drive || machine.drive != nullptr || machine.motions.empty()) return;
+  const MotionChoice& motion = machine.motions.front();
+  if (!motion.is_velocity || motion.column == nullptr) return;
+  const Eigen::VectorXd speed = motion.values(machine.log);
+  const auto part = static_cast<Eigen::Index>(kPart * static_cast<double>(speed.size()));
+  if (part < 1 || !speed.allFinite()) return;
+  const double first = speed.head(part).mean(), last = speed.tail(part).mean();
+  if (std::abs(last) < kGained * std::abs(first) ||
+      std::abs(last) < 0.5 * speed.cwiseAbs().maxCoeff())
+    return;
+  proposal.notes.push_back(fmt::format(
+      "'{}' grows from {:.3g} to {:.3g} {} though nothing is said to drive: a weight pulls, or a "
+      "drive that was not logged; add it to the log, a constant one as a column of its value",
+      motion.column->name, first, last, machine.is_linear() ? "m/s" : "rad/s"));
+}
+
 class MassModel {
  public:
   MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
@@ -377,6 +396,7 @@ class MassModel {
 
 std::string mass_model_text(const MassMachine& machine, const LogTime& time,
                             ModelProposal& proposal) {
+  note_gained_speed(machine, proposal);
   return MassModel(machine, time, proposal).text();
 }
 

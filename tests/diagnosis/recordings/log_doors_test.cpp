@@ -268,6 +268,21 @@ TEST_F(LogDoors, WithoutADriveARunDownIsProposed) {
   EXPECT_EQ(run.data.pieces.at(0).values.col(torque).cwiseAbs().maxCoeff(), 0.0);
 }
 
+// What nothing drives does not speed up by itself.
+TEST_F(LogDoors, ASpeedThatGrowsWithoutADriveIsTold) {
+  const VectorXd time = VectorXd::LinSpaced(500, 0.0, 4.99);
+  ProposalRequest request;
+  request.no_drive = true;
+  const auto told = [&](const VectorXd& speed) {
+    return says(proposed(table_of({{"time [s]", time}, {"speed [rad/s]", speed}}), {}, request),
+                "though nothing is said to drive");
+  };
+  const VectorXd decay = (-0.8 * time.array()).exp().matrix();
+  EXPECT_TRUE(told(281.0 * (VectorXd::Ones(500) - decay)));
+  EXPECT_FALSE(told(281.0 * decay));
+  EXPECT_FALSE(told(-20.0 * decay));
+}
+
 // K (goal - q): the goal drives, and a spring of the servo's gain pulls back.
 TEST_F(LogDoors, AServosGoalDrivesThroughItsSpring) {
   const DoorAxis m = door_axis(600, 0.01);
