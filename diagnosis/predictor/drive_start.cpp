@@ -45,12 +45,16 @@ Index samples_at_start(const VectorXd& drive) {
   return count;
 }
 
-bool gets_going(const VectorXd& speed, Index samples) {
-  const Index count = std::min(samples, speed.size());
-  if (count < kFewest) return false;
+// Whether it goes from rest while the drive stays, and the later, the faster: half-way to that
+// speed in time it has less than an even acceleration would give.
+bool gets_going_late(const VectorXd& speed, Index samples) {
   const double rms = std::sqrt(speed.squaredNorm() / static_cast<double>(speed.size()));
-  return std::abs(speed.head(2).mean()) <= kRests * rms &&
-         speed.head(count).cwiseAbs().maxCoeff() >= kGoes * rms;
+  if (!(std::abs(speed.head(2).mean()) <= kRests * rms)) return false;
+  const Index count = std::min(samples, speed.size());
+  Index goes = 0;
+  while (goes < count && std::abs(speed(goes)) < kGoes * rms) ++goes;
+  if (goes == count || goes < kFewest) return false;
+  return std::abs(speed(goes / 2)) <= kLate * std::abs(speed(goes));
 }
 
 }  // namespace
@@ -65,7 +69,7 @@ VectorXd drives_before(const LumpedModel& model, const OutputErrorRecording& rec
     if (model.inputs[j].kind != LumpedInput::Kind::kForce) continue;
     const VectorXd drive = recording.inputs.col(static_cast<Index>(j));
     const bool is_large = std::abs(drive(0)) > kLarge * drive.cwiseAbs().maxCoeff();
-    if (is_large && gets_going(*speed, samples_at_start(drive)))
+    if (is_large && gets_going_late(*speed, samples_at_start(drive)))
       before(static_cast<Index>(j)) = 0.0;
   }
   return before;

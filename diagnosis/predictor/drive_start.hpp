@@ -10,10 +10,11 @@
 
 namespace graybox {
 
-// By input. A force that stays at its first value, while the machine at rest gets going, was zero
-// before: so large a force would have moved it. Any other input was what its first sample says. So
-// were all inputs of a model with springs or weights, which hold a machine at rest against a force.
-// Gets going: from a twentieth of the rms speed or less to a third of it or more.
+// By input. A force that stays at its first value, while the machine at rest gets going late, was
+// zero before. Any other input was what its first sample says. So were all inputs of a model with
+// springs or weights, which hold a machine at rest against a force.
+// Goes: from a twentieth of the rms speed or less to a third of it. Late: half of that time brings
+// at most 0.35 of that speed (an even acceleration brings a half, a lag a quarter, a delay less).
 [[nodiscard]] Eigen::VectorXd drives_before(const LumpedModel& model,
                                             const OutputErrorRecording& recording);
 

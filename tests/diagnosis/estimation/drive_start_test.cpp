@@ -39,14 +39,18 @@ const char* const kSpring =
     "  - {name: spring, location: {kind: element, mass: motor}, law: stiffness, parameters: "
     "{stiffness: {value: 2, unit: N m/rad}}}\n";
 
-// The speed settles at `last` from `first`; the drive steps back half-way.
-OutputErrorRecording recording(double first, double last, bool as_position = false) {
+// The speed settles at `last` from `first`, later by a lag; the drive steps back half-way.
+OutputErrorRecording recording(double first, double last, bool as_position = false,
+                               double lag = kLag) {
+  constexpr double kSettles = 0.2;  // s
   OutputErrorRecording result;
   result.time = VectorXd::LinSpaced(kSamples, 0.0, kStep * static_cast<double>(kSamples - 1));
   VectorXd speed(kSamples), drive(kSamples), angle(kSamples);
   for (Index k = 0; k < kSamples; ++k) {
-    const double t = result.time(k);
-    speed(k) = last + (first - last) * std::exp(-t / 0.2);
+    const double t = result.time(k), slow = std::exp(-t / kSettles);
+    const double left =
+        lag > 0.0 ? (kSettles * slow - lag * std::exp(-t / lag)) / (kSettles - lag) : slow;
+    speed(k) = last + (first - last) * left;
     drive(k) = 2 * k < kSamples ? kTorque : 0.2 * kTorque;
     angle(k) = (k > 0 ? angle(k - 1) : 0.0) + kStep * speed(k);
   }
@@ -61,10 +65,11 @@ TEST(DriveStart, ALogThatBeginsWithTheCommandHadNoneBefore) {
   EXPECT_EQ(drives_before(motor_with(""), recording(0.0, -30.0))(0), 0.0);
 }
 
-TEST(DriveStart, AMachineThatTurnsOrStaysHadTheFirstCommand) {
+TEST(DriveStart, AMachineThatTurnsStaysOrGoesAtOnceHadTheFirstCommand) {
   EXPECT_EQ(drives_before(motor_with(""), recording(30.0, 30.0))(0), kTorque);
   EXPECT_EQ(drives_before(motor_with(""), recording(25.0, 30.0))(0), kTorque);
   EXPECT_EQ(drives_before(motor_with(kSpring), recording(0.0, 30.0))(0), kTorque);
+  EXPECT_EQ(drives_before(motor_with(""), recording(0.0, 30.0, false, 0.0))(0), kTorque);
   OutputErrorRecording changes = recording(0.0, 30.0);
   for (Index k = 0; k < kSamples; ++k)
     changes.inputs(k, 0) = std::cos(0.5 * static_cast<double>(k));
