@@ -310,6 +310,53 @@ TEST(WiringFaults, OfACounterThatWrapsAreNoWrongSign) {
   }
 }
 
+// One axis along which nothing but a carriage moves.
+RigidRobotModel carriage_alone() {
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
+gravity: [0, 0, -9.81]
+denavit_hartenberg: modified
+joints:
+  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
+channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
+)");
+  return load_rigid_robot(folder.file("drive.yaml"));
+}
+
+// An angle every 4 ms after a low-pass of 50 Hz.
+Motion filtered_angle(const VectorXd& angle) {
+  constexpr double kStep = 0.004, kCutOff = 50.0;
+  const MatrixXd filtered = zero_phase_low_pass(angle, kCutOff * kStep, 4);
+  const MatrixXd nothing = MatrixXd::Zero(angle.size(), 1);
+  const double last = kStep * static_cast<double>(angle.size() - 1);
+  return {.time = VectorXd::LinSpaced(angle.size(), 0.0, last),
+          .position = filtered,
+          .velocity = nothing,
+          .acceleration = nothing,
+          .torque = nothing,
+          .filters = {{kCutOff, 4}}};
+}
+
+// A joint that moves by 2 mrad within a few samples and rests, its encoder noisy.
+TEST(WiringFaults, OfAJointThatComesToRestAreNoWraps) {
+  const RigidRobotModel axis = carriage_alone();
+  for (const double samples : {8.0, 10.0, 14.0}) {
+    for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+      Random random(seed);
+      VectorXd angle(200), wrapped(200);
+      for (Index k = 0; k < angle.size(); ++k) {
+        const double x = std::clamp(static_cast<double>(k - 40) / samples, 0.0, 1.0);
+        angle(k) = 0.002 * x * x * x * (10.0 - 15.0 * x + 6.0 * x * x) + 3e-5 * random.normal();
+        const double turned = 0.02 * static_cast<double>(k);  // of a period
+        wrapped(k) = turned - std::round(turned);
+      }
+      EXPECT_EQ(messages(find_wraps(axis, std::vector<Motion>{filtered_angle(angle)})), "")
+          << samples << ", seed " << seed;
+      EXPECT_EQ(find_wraps(axis, std::vector<Motion>{filtered_angle(wrapped)}).size(), 1U);
+    }
+  }
+}
+
 // What is exchanged are the motors' signals, of which the joints' are mixtures.
 TEST(WiringFaults, AreThoseOfTheMotorsWhereMotorsAreRecorded) {
   const RecordedArm arm(9, {}, 0.4, kCoupled);
@@ -340,19 +387,6 @@ TEST(WiringFaults, AreThoseOfTheMotorsWhereMotorsAreRecorded) {
           << fault.message << ", masses " << masses << ": " << found;
     }
   }
-}
-
-// One axis along which nothing but a carriage moves.
-RigidRobotModel carriage_alone() {
-  const testing::TemporaryFolder folder;
-  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
-)");
-  return load_rigid_robot(folder.file("drive.yaml"));
 }
 
 // Friction alone tells the sign of a carriage, and a spring is no fault.
