@@ -4,7 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include "diagnosis/prediction_error/search_start.hpp"
@@ -16,6 +18,9 @@ namespace {
 using Eigen::VectorXd;
 
 constexpr std::size_t kMostOutputs = 4;
+constexpr double kTogether = 0.5;  // correlation of two outputs that have one sign
+constexpr double kGeared = 0.995;  // of two that a gear ties together
+constexpr double kSmallestGear = 1.5;
 
 // Whether several masses that move by themselves are measured, and nothing else is.
 bool has_coupled_sensors(const LumpedModel& model) {
@@ -60,10 +65,49 @@ PredictionFit fitted(const LumpedModel& model, const PredictionData& data,
                    threads);
 }
 
-std::vector<bool> pattern_of(std::size_t number, std::size_t outputs) {
-  std::vector<bool> reversed(outputs);
-  for (std::size_t j = 0; j < outputs; ++j) reversed[j] = (number >> j & 1U) != 0;
-  return reversed;
+// -1 for the outputs whose bit is set.
+VectorXd signs_of(std::size_t number, std::size_t outputs) {
+  VectorXd signs = VectorXd::Ones(static_cast<Eigen::Index>(outputs));
+  for (std::size_t j = 0; j < outputs; ++j) {
+    if ((number >> j & 1U) != 0) signs(static_cast<Eigen::Index>(j)) = -1.0;
+  }
+  return signs;
+}
+
+// Two outputs of one quantity, each about its mean in every recording of the fit.
+struct OutputPair {
+  Eigen::Index first = 0, second = 0;
+  double correlation = 0.0;
+  double ratio = 1.0;  // rms of the second over that of the first
+};
+
+std::vector<OutputPair> pairs_of_outputs(const LumpedModel& model, const PredictionData& data) {
+  const Eigen::Index outputs = data.output_count();
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(outputs, outputs);
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    if (recording.role != ExperimentRole::kEstimation) continue;
+    const Eigen::MatrixXd moved =
+        recording.outputs.rowwise() - recording.outputs.colwise().mean().eval();
+    products += moved.transpose() * moved;
+  }
+  const VectorXd norms = products.diagonal().cwiseSqrt();
+  std::vector<OutputPair> pairs;
+  for (Eigen::Index i = 0; i < outputs; ++i) {
+    for (Eigen::Index j = i + 1; j < outputs; ++j) {
+      const LumpedOutput &first = model.outputs[static_cast<std::size_t>(i)],
+                         &second = model.outputs[static_cast<std::size_t>(j)];
+      if (first.quantity != second.quantity || !(norms(i) > 0.0) || !(norms(j) > 0.0)) continue;
+      pairs.push_back({i, j, products(i, j) / (norms(i) * norms(j)), norms(j) / norms(i)});
+    }
+  }
+  return pairs;
+}
+
+// Whether one of two outputs that move together is turned and the other is not.
+bool parts_a_pair(const VectorXd& signs, const std::vector<OutputPair>& pairs) {
+  return std::ranges::any_of(pairs, [&](const OutputPair& pair) {
+    return pair.correlation > kTogether && signs(pair.first) != signs(pair.second);
+  });
 }
 
 double share_left(const PredictionFit& fit, const PredictionData& data) {
@@ -73,19 +117,27 @@ double share_left(const PredictionFit& fit, const PredictionData& data) {
   return std::sqrt((error.array() / scale.array()).square().mean());
 }
 
-ChannelFault fault_of(std::vector<std::string> channels, const std::string& reason,
-                      const PredictionFit& before, const PredictionFit& after,
-                      const PredictionData& data) {
+// `message` without what mends it.
+ChannelFault fault_of(std::vector<std::string> channels, const std::string& message,
+                      const std::string& preprocess, const PredictionFit& before,
+                      const PredictionFit& after, const PredictionData& data) {
   ChannelFault fault;
   fault.channels = std::move(channels);
-  fault.message =
-      fmt::format("{} {} the wrong sign: {} (preprocess: [{{kind: sign, of: [{}]}}])",
-                  fmt::join(fault.channels, " and "), fault.channels.size() == 1 ? "has" : "have",
-                  reason, fmt::join(fault.channels, ", "));
+  fault.message = fmt::format("{} (preprocess: [{{{}}}])", message, preprocess);
   fault.measure = "error of the prediction over the signal";
   fault.dissimilarity_before = share_left(before, data);
   fault.dissimilarity_after = share_left(after, data);
   return fault;
+}
+
+ChannelFault fault_of_signs(const std::vector<std::string>& channels, const std::string& reason,
+                            const PredictionFit& before, const PredictionFit& after,
+                            const PredictionData& data) {
+  return fault_of(channels,
+                  fmt::format("{} {} the wrong sign: {}", fmt::join(channels, " and "),
+                              channels.size() == 1 ? "has" : "have", reason),
+                  fmt::format("kind: sign, of: [{}]", fmt::join(channels, ", ")), before, after,
+                  data);
 }
 
 // The output that measures the mass on which the force acts; none where no output does.
@@ -128,7 +180,7 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
                                               const PredictionFit& stated, int threads) {
   if (!has_one_force(model) || !stated.usable) return {};
   const PredictionData turned =
-      data.with_reversed(model, std::vector<bool>(model.outputs.size(), true), threads);
+      data.with_factors(model, VectorXd::Constant(data.output_count(), -1.0), threads);
   const PredictionFit reversed = fitted(model, turned, hypotheses, threads);
   const DriveWorkBothWays work = work_of_force(model, data);
   const bool takes_both_ways = takes_energy_both_ways(work);
@@ -149,7 +201,41 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
             "friction, spring or weight has; else a hand or another machine moves it"
           : fmt::format("the motion goes against it, and the other sign predicts {} samples ahead",
                         data.first_horizon());
-  return {fault_of({model.input_names.front()}, reason, stated, reversed, data)};
+  return {fault_of_signs({model.input_names.front()}, reason, stated, reversed, data)};
+}
+
+// Sensors of two masses that a gear ties together, which the model lacks: they move alike, but not
+// as far.
+std::vector<ChannelFault> find_gears(const LumpedModel& model, const PredictionData& data,
+                                     const PredictionHypotheses& hypotheses,
+                                     const std::vector<OutputPair>& pairs,
+                                     const PredictionFit& stated, int threads) {
+  std::vector<ChannelFault> faults;
+  if (!stated.usable) return faults;
+  for (const OutputPair& pair : pairs) {
+    const bool is_geared =
+        pair.correlation > kGeared && std::max(pair.ratio, 1.0 / pair.ratio) > kSmallestGear;
+    if (!is_geared) continue;
+    VectorXd factors = VectorXd::Ones(data.output_count());
+    factors(pair.second) = 1.0 / pair.ratio;
+    const PredictionData scaled = data.with_factors(model, factors, threads);
+    const PredictionFit fit = fitted(model, scaled, hypotheses, threads);
+    if (!is_clearly_better(fit, stated)) continue;
+    const bool is_rivalled = std::ranges::any_of(std::array{false, true}, [&](bool with_force) {
+      const PredictionFit sprung = with_springs(stated, data, hypotheses, with_force, threads);
+      return is_clearly_better(sprung, fit);
+    });
+    if (is_rivalled) continue;
+    const std::string& moved = model.output_names[static_cast<std::size_t>(pair.second)];
+    faults.push_back(fault_of(
+        {moved},
+        fmt::format("{} moves {:.3g} times as far as {}, always alike: a gear or a belt? State it "
+                    "by a scale",
+                    moved, pair.ratio, model.output_names[static_cast<std::size_t>(pair.first)]),
+        fmt::format("kind: scale, of: [{}], factor: {:.4g}", moved, 1.0 / pair.ratio), stated, fit,
+        data));
+  }
+  return faults;
 }
 
 }  // namespace
@@ -158,35 +244,37 @@ std::vector<ChannelFault> find_reversed_outputs(const LumpedModel& model,
                                                 const PredictionData& data,
                                                 const PredictionHypotheses& hypotheses,
                                                 int threads) {
-  if (!has_coupled_sensors(model)) {
-    if (!has_one_force(model)) return {};
-    return find_reversed_force(model, data, hypotheses, fitted(model, data, hypotheses, threads),
-                               threads);
-  }
-  const std::size_t outputs = model.outputs.size();
+  const bool is_coupled = has_coupled_sensors(model);
+  if (!is_coupled && !has_one_force(model)) return {};
   const PredictionFit stated = fitted(model, data, hypotheses, threads);
+  if (!is_coupled) return find_reversed_force(model, data, hypotheses, stated, threads);
+  const std::vector<OutputPair> pairs = pairs_of_outputs(model, data);
+  const std::size_t outputs = model.outputs.size();
   PredictionFit best = stated;
-  std::vector<bool> reversed;
+  VectorXd reversed;
   const std::size_t all = (std::size_t{1} << outputs) - 1;
   for (std::size_t number = 1; number < all; ++number) {
-    const std::vector<bool> pattern = pattern_of(number, outputs);
-    const PredictionData turned = data.with_reversed(model, pattern, threads);
+    const VectorXd signs = signs_of(number, outputs);
+    if (parts_a_pair(signs, pairs)) continue;
+    const PredictionData turned = data.with_factors(model, signs, threads);
     PredictionFit fit = fitted(model, turned, hypotheses, threads);
     if (!fit.usable || (best.usable && !(fit.cost < best.cost))) continue;
     best = std::move(fit);
-    reversed = pattern;
+    reversed = signs;
   }
   if (!stated.usable) return {};
-  if (reversed.empty() || !is_clearly_better(best, stated)) {
+  if (reversed.size() == 0 || !is_clearly_better(best, stated)) {
+    std::vector<ChannelFault> gears = find_gears(model, data, hypotheses, pairs, stated, threads);
+    if (!gears.empty()) return gears;
     return find_reversed_force(model, data, hypotheses, stated, threads);
   }
   std::vector<std::string> channels;
   for (std::size_t j = 0; j < outputs; ++j) {
-    if (reversed[j]) channels.push_back(model.output_names[j]);
+    if (reversed(static_cast<Eigen::Index>(j)) < 0.0) channels.push_back(model.output_names[j]);
   }
-  return {fault_of(std::move(channels),
-                   fmt::format("the other one is predicted {} samples ahead", data.first_horizon()),
-                   stated, best, data)};
+  return {fault_of_signs(
+      channels, fmt::format("the other one is predicted {} samples ahead", data.first_horizon()),
+      stated, best, data)};
 }
 
 std::optional<double> error_with_force_reversed(const LumpedModel& model,
@@ -196,7 +284,7 @@ std::optional<double> error_with_force_reversed(const LumpedModel& model,
   constexpr int kIterations = 25;
   if (!has_one_force(model)) return {};
   const PredictionData turned =
-      data.with_reversed(model, std::vector<bool>(model.outputs.size(), true), threads);
+      data.with_factors(model, VectorXd::Constant(data.output_count(), -1.0), threads);
   const PredictionFit start = fitted(model, turned, hypotheses, threads);
   if (!start.usable) return {};
   const PredictionTask task = turned.windows(horizon);

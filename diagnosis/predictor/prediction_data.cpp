@@ -329,13 +329,12 @@ PredictionData PredictionData::for_model(const LumpedModel& model, int threads,
   return {model, reduced(model, problem_.data(), limit), threads};
 }
 
-PredictionData PredictionData::with_reversed(const LumpedModel& model,
-                                             const std::vector<bool>& reversed, int threads) const {
+PredictionData PredictionData::with_factors(const LumpedModel& model,
+                                            const Eigen::VectorXd& factors, int threads) const {
   OutputErrorData data = problem_.data();
+  data.noise.array() *= factors.array().abs();
   for (OutputErrorRecording& recording : data.recordings) {
-    for (std::size_t j = 0; j < reversed.size(); ++j) {
-      if (reversed[j]) recording.outputs.col(static_cast<Index>(j)) *= -1.0;
-    }
+    recording.outputs *= factors.asDiagonal();
   }
   return {model, std::move(data), threads};
 }

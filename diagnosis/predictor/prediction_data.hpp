@@ -82,9 +82,9 @@ class PredictionData {
   // These recordings for a model of other values, thinned as it allows.
   [[nodiscard]] PredictionData for_model(const LumpedModel& model, int threads,
                                          const SampleLimit& limit) const;
-  // The same with these outputs of the opposite sign.
-  [[nodiscard]] PredictionData with_reversed(const LumpedModel& model,
-                                             const std::vector<bool>& reversed, int threads) const;
+  // The same with every output times its factor.
+  [[nodiscard]] PredictionData with_factors(const LumpedModel& model,
+                                            const Eigen::VectorXd& factors, int threads) const;
 
   [[nodiscard]] const OutputErrorRecording& recording(std::size_t index) const {
     return problem_.data().recordings[index];
