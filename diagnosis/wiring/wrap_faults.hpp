@@ -28,8 +28,8 @@ namespace graybox {
 [[nodiscard]] std::vector<ChannelFault> find_wraps(const RigidRobotModel& robot,
                                                    std::span<const Motion> pieces);
 
-// Whether a recorded speed jumps by one size again and again, as at an end stop. Nobody recorded the force of the
-// blow, so no balance of forces tells signs or units.
+// Whether a recorded speed jumps by one size again and again, as at an end stop. Nobody recorded
+// the force of the blow, so no balance of forces tells signs or units.
 [[nodiscard]] bool have_blows(const RigidRobotModel& robot, std::span<const Motion> pieces);
 
 }  // namespace graybox
