@@ -139,7 +139,7 @@ std::string held_out_words(const FoundEffect& effect, const Diagnosis& diagnosis
     return " It was stopped before what it predicts was tested.";
   }
   if (!diagnosis.validation_after) {
-    return " No recordings were kept out, so what it predicts was not tested.";
+    return " Nothing was kept out of the fit, so what it predicts was not tested.";
   }
   if (!effect.held_out) return "";
   const HeldOutEffect& held_out = *effect.held_out;

@@ -292,7 +292,7 @@ TEST(VerdictReasons, SayWhichTestsCouldNotBeAsked) {
   EXPECT_EQ(verdict_of(alone.reasons), Verdict::kAmbiguous);
   all.clear();
   for (const std::string& line : verdict_words(alone, kHypotheses)) all += line + "\n";
-  EXPECT_NE(all.find("No recordings were kept out, so what it predicts was not tested."),
+  EXPECT_NE(all.find("Nothing was kept out of the fit, so what it predicts was not tested."),
             std::string::npos)
       << all;
 }
