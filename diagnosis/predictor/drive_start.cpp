@@ -15,7 +15,7 @@ constexpr double kSame = 0.02;                      // of a drive's first value
 constexpr double kLarge = 0.05;                     // of its largest value
 constexpr Index kFewest = 4;                        // samples
 constexpr double kRests = 0.05, kGoes = 1.0 / 3.0;  // of the rms speed
-constexpr double kLate = 0.35;                      // of the speed at which it goes
+constexpr double kLate = 0.42;                      // of the speed at which it goes
 
 bool has_spring(const LumpedModel& model) {
   return std::ranges::any_of(model.parts, [](const Element& part) {
