@@ -13,7 +13,7 @@ using Eigen::VectorXd;
 
 constexpr double kSame = 0.02;                      // of a drive's first value
 constexpr double kLarge = 0.05;                     // of its largest value
-constexpr Index kFewest = 4;                        // samples
+constexpr Index kFewest = 8;                        // samples
 constexpr double kRests = 0.05, kGoes = 1.0 / 3.0;  // of the rms speed
 constexpr double kLate = 0.42;                      // of the speed at which it goes
 

@@ -14,7 +14,8 @@ namespace graybox {
 // zero before. Any other input was what its first sample says. So were all inputs of a model with
 // springs or weights, which hold a machine at rest against a force.
 // Goes: from a twentieth of the rms speed or less to a third of it. Late: half of that time brings
-// at most 0.42 of that speed (an even acceleration brings a half, a lag a quarter, a delay less).
+// at most 0.42 of that speed (an even acceleration brings a half, a lag a quarter, a delay less),
+// and it takes eight samples or more.
 [[nodiscard]] Eigen::VectorXd drives_before(const LumpedModel& model,
                                             const OutputErrorRecording& recording);
 
