@@ -189,20 +189,6 @@ double fitted_cost(const PredictionFitter& fitter, const ExtendedLumpedModel& st
   return fit.usable ? fit.cost : std::numeric_limits<double>::infinity();
 }
 
-// `candidates`: rising; the last but one where none is usable.
-IntensityFit best_of(const std::vector<double>& candidates, const ExtendedLumpedModel& model,
-                     const PredictionData& data, const PredictionTask& task, int iterations,
-                     int threads) {
-  IntensityFit best{{}, candidates[candidates.size() - 2]};
-  for (const double intensity : candidates) {
-    const PredictionFitter fitter(data, task, intensity, threads);
-    PredictionFit fit = fitter.fit(model, data.output_scale(), {}, iterations, iterations > 0);
-    if (!fit.usable || (best.fit.usable && !(fit.cost < best.fit.cost))) continue;
-    best = {std::move(fit), intensity};
-  }
-  return best;
-}
-
 }  // namespace
 
 std::vector<double> force_noise_intensities(const PredictionData& data) {
@@ -212,15 +198,19 @@ std::vector<double> force_noise_intensities(const PredictionData& data) {
 
 IntensityFit best_intensity(const ExtendedLumpedModel& model, const PredictionData& data,
                             const PredictionTask& task, int iterations, int threads) {
-  return best_of(force_noise_intensities(data), model, data, task, iterations, threads);
+  const std::vector<double> candidates = force_noise_intensities(data);
+  IntensityFit best{{}, candidates[1]};
+  for (const double intensity : candidates) {
+    const PredictionFitter fitter(data, task, intensity, threads);
+    PredictionFit fit = fitter.fit(model, data.output_scale(), {}, iterations, iterations > 0);
+    if (!fit.usable || (best.fit.usable && !(fit.cost < best.fit.cost))) continue;
+    best = {std::move(fit), intensity};
+  }
+  return best;
 }
 
 double start_intensity(const ExtendedLumpedModel& model, const PredictionData& data, int threads) {
-  std::vector<double> candidates = force_noise_intensities(data);
-  const double least = candidates.front();
-  candidates.insert(candidates.begin(), {0.01 * least, 0.1 * least});
-  const PredictionTask task = data.windows(data.first_horizon());
-  return best_of(candidates, model, data, task, 0, threads).intensity;
+  return best_intensity(model, data, data.windows(data.first_horizon()), 0, threads).intensity;
 }
 
 std::optional<LawExtension> missing_at_sensor(const LumpedModel& model, std::size_t output,

@@ -36,9 +36,9 @@ struct IntensityFit {
                                           const PredictionData& data, const PredictionTask& task,
                                           int iterations, int threads);
 
-// The intensity with which a filter finds the state that a free run starts from. Of a wider range
-// it is the one by which the model as it is predicts first_horizon() samples best. The better the
-// model, the less its filter follows the sensors' noise.
+// The intensity with which a filter finds the state that a free run starts from: the one by which
+// the model as it is predicts first_horizon() samples best. The better the model, the less its
+// filter follows the sensors' noise.
 [[nodiscard]] double start_intensity(const ExtendedLumpedModel& model, const PredictionData& data,
                                      int threads);
 
