@@ -3,10 +3,9 @@
 
     tests/check_sizes_test.py SOURCE
 """
-import subprocess
 import sys
-import tempfile
-from pathlib import Path
+
+from script_cases import run_cases
 
 BODY = "  work();\n"
 MEMBERS = """struct Box {
@@ -48,21 +47,5 @@ CASES = [
 ]
 
 
-def main():
-    script = Path(sys.argv[1]) / "scripts" / "check_sizes"
-    faults = 0
-    with tempfile.TemporaryDirectory() as folder:
-        for what, text, expected in CASES:
-            file = Path(folder) / "case.cpp"
-            file.write_text(text)
-            result = subprocess.run([sys.executable, script, file], capture_output=True, text=True)
-            lines = result.stdout.splitlines() if result.returncode else []
-            if len(lines) != len(expected) or not all(e in line for e, line in zip(expected, lines)):
-                print(f"{what}: expected {expected}, got {result.returncode} {result.stdout}{result.stderr}")
-                faults += 1
-    print(f"{len(CASES)} cases, {faults} faults")
-    return 1 if faults else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_cases("check_sizes", "case.cpp", CASES))

@@ -82,7 +82,7 @@ class PredictionData {
   // These recordings for a model of other values, thinned as it allows.
   [[nodiscard]] PredictionData for_model(const LumpedModel& model, int threads,
                                          const SampleLimit& limit) const;
-  // The same with every output times its factor.
+  // These recordings with every output times its factor.
   [[nodiscard]] PredictionData with_factors(const LumpedModel& model,
                                             const Eigen::VectorXd& factors, int threads) const;
 

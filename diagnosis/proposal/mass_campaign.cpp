@@ -284,7 +284,7 @@ class MassCampaign {
     return "not needed";
   }
 
-  // Of a clock that several files have only one is listed.
+  // Several files may have the same clock; it is listed once.
   [[nodiscard]] bool is_the_time(const LogColumn& column) const {
     const bool is_its_file = column.file == draft_.time.file;
     return column.name == draft_.time.column &&

@@ -375,7 +375,7 @@ class MassModel {
     return text + load_zero();
   }
 
-  // Of two positions.
+  // The zeros of two position sensors differ.
   std::string load_zero() {
     if (machine_.motions.size() != 2 || machine_.motions[1].is_velocity || !can_compute())
       return "";

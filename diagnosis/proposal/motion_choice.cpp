@@ -358,7 +358,7 @@ class MotionUnitChoice {
     }
   }
 
-  // Of a title without any unit.
+  // What the steps of an angle tell, where its title has no unit.
   [[nodiscard]] std::optional<EncoderSteps> encoder_steps() const {
     const ColumnWords& words = position_->words;
     if (motion() != MotionKind::kRotary || !words.odd_unit.empty()) return {};
