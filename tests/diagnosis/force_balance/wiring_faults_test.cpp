@@ -310,16 +310,16 @@ TEST(WiringFaults, OfACounterThatWrapsAreNoWrongSign) {
   }
 }
 
-// One axis along which nothing but a carriage moves.
-RigidRobotModel carriage_alone() {
+// One axis along which nothing but a carriage moves. `position`: its entry among the channels.
+RigidRobotModel carriage_alone(const std::string& position = "position: [x], ") {
   const testing::TemporaryFolder folder;
-  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
+  testing::write_text(folder.file("drive.yaml"), std::string(R"(format: graybox-rigid-robot/1
 gravity: [0, 0, -9.81]
 denavit_hartenberg: modified
 joints:
   - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels: {torque: [force], torque_of: arm, position: [x], position_of: arm, velocity: [v]}
-)");
+channels: {torque: [force], torque_of: arm, )") + position +
+                                                     "position_of: arm, velocity: [v]}\n");
   return load_rigid_robot(folder.file("drive.yaml"));
 }
 
@@ -418,15 +418,7 @@ TEST(WiringFaults, OfASingleAxisAreItsSign) {
 // An axis that its drive pulls back, and that is knocked away each time: the blows are against the
 // drive, and yet no sign is wrong.
 TEST(WiringFaults, OfASpeedThatBouncesAreNone) {
-  const testing::TemporaryFolder folder;
-  testing::write_text(folder.file("drive.yaml"), R"(format: graybox-rigid-robot/1
-gravity: [0, 0, -9.81]
-denavit_hartenberg: modified
-joints:
-  - {name: carriage, type: prismatic, alpha: 90, a: 0, d: 0, gear_ratio: 1, rotor_inertia: 0}
-channels: {torque: [force], torque_of: arm, position_of: arm, velocity: [v]}
-)");
-  const RigidRobotModel drive = load_rigid_robot(folder.file("drive.yaml"));
+  const RigidRobotModel drive = carriage_alone("");
   constexpr double kStep = 0.004, kInertia = 0.01, kSlow = -3.0, kKnocked = 6.0;
   constexpr Index kCount = 1500;
   Random random(12);
