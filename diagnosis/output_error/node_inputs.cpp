@@ -185,7 +185,19 @@ class Filler {
   bool with_slopes_;
 };
 
+void drop_columns(Eigen::Index first, Eigen::MatrixXd& values) {
+  if (values.size() > 0) values = values.rightCols(values.cols() - first).eval();
+}
+
 }  // namespace
+
+void NodeInputs::drop_samples(Eigen::Index first) {
+  if (first == 0) return;
+  drop_columns(3 * first * steps_per_sample, nodes);
+  drop_columns(3 * first * steps_per_sample, slopes);
+  drop_columns(first, samples);
+  drop_columns(first, sample_slopes);
+}
 
 NodeInputs node_inputs(const Eigen::MatrixXd& values, InputHold hold, int steps_per_sample,
                        const Eigen::VectorXd& delays, bool with_slopes,

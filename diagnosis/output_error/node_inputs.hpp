@@ -24,6 +24,8 @@ struct NodeInputs {
   Eigen::MatrixXd slopes;   // d nodes / d tau of that channel; empty unless asked for
   Eigen::MatrixXd samples;  // channels x samples: at the samples themselves
   Eigen::MatrixXd sample_slopes;  // like slopes
+
+  void drop_samples(Eigen::Index first);  // so many, at the beginning
 };
 
 // `values`: samples x channels. `delays`: of each channel in samples, at least 0; empty: none.

@@ -62,9 +62,31 @@ void check_hold(const LumpedModel& model, const Campaign& campaign,
   }
 }
 
+// A part that goes on where another part of the same files ends knows the inputs before it.
+// `experiment`: of each recording.
+void join_parts(const Campaign& campaign, std::span<const std::size_t> experiment,
+                std::vector<OutputErrorRecording>& recordings) {
+  constexpr double kNextSample = 0.01;  // of a sample
+  const auto goes_on = [&](std::size_t later, std::size_t earlier) {
+    const Eigen::VectorXd& time = recordings[earlier].time;
+    const double last = time(time.size() - 1), step = last - time(time.size() - 2);
+    return recordings[earlier].even &&
+           campaign.experiments[experiment[later]].files ==
+               campaign.experiments[experiment[earlier]].files &&
+           std::abs(recordings[later].time(0) - last - step) <= kNextSample * step;
+  };
+  for (std::size_t k = 0; k < recordings.size(); ++k) {
+    for (std::size_t j = 0; j < recordings.size(); ++j) {
+      if (goes_on(k, j)) recordings[k].past_inputs = recordings[j].inputs;
+    }
+  }
+}
+
 // Rates of imposed motions that no input states, from the parabola through neighbours.
 void add_derived_channels(const LumpedSystem& system, OutputErrorRecording& recording) {
   const auto& derived = system.derived_channels();
+  if (derived.empty()) return;
+  recording.past_inputs.resize(0, 0);
   const Eigen::Index given = recording.inputs.cols();
   recording.inputs.conservativeResize(Eigen::NoChange,
                                       given + static_cast<Eigen::Index>(derived.size()));
@@ -92,6 +114,7 @@ OutputErrorData load_output_error_data(const LumpedModel& model, const Campaign&
   data.hold = campaign.hold;
   data.noise = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(model.output_names.size()));
   const std::string source = campaign.file.string();
+  std::vector<std::size_t> experiment;
   for (std::size_t k = 0; k < campaign.experiments.size(); ++k) {
     const ExperimentRecording run = load_experiment(campaign, k);
     check_hold(model, campaign, run);
@@ -104,6 +127,7 @@ OutputErrorData load_output_error_data(const LumpedModel& model, const Campaign&
                                      campaign.experiments[k].name, piece.time.size(),
                                      kFewestSamples));
       }
+      experiment.push_back(k);
       data.recordings.push_back(
           {.name = campaign.experiments[k].name,
            .role = campaign.experiments[k].role,
@@ -114,6 +138,7 @@ OutputErrorData load_output_error_data(const LumpedModel& model, const Campaign&
                columns(run, piece, source, model.output_names, model.output_units, "output")});
     }
   }
+  join_parts(campaign, experiment, data.recordings);
   for (const Channel& channel : campaign.channels) {
     const auto found = std::ranges::find(model.output_names, channel.name);
     if (found != model.output_names.end()) {
@@ -169,6 +194,13 @@ LumpedModel OutputErrorProblem::model_at(const Eigen::VectorXd& theta) const {
   return with_parameters(model_, values);
 }
 
+Eigen::MatrixXd OutputErrorRecording::inputs_with_past() const {
+  Eigen::MatrixXd all(past_inputs.rows() + inputs.rows(), inputs.cols());
+  if (past_inputs.rows() > 0) all.topRows(past_inputs.rows()) = past_inputs;
+  all.bottomRows(inputs.rows()) = inputs;
+  return all;
+}
+
 NodeInputs OutputErrorProblem::nodes_of(std::size_t recording, const LumpedSystem& system,
                                         int steps) const {
   const OutputErrorRecording& run = data_.recordings[recording];
@@ -176,7 +208,9 @@ NodeInputs OutputErrorProblem::nodes_of(std::size_t recording, const LumpedSyste
   const double sample_time =
       (run.time(run.time.size() - 1) - run.time(0)) / static_cast<double>(run.time.size() - 1);
   delays.head(system.input_delays().size()) = system.input_delays() / sample_time;
-  NodeInputs nodes = node_inputs(run.inputs, data_.hold, steps, delays, system.has_free_delay());
+  NodeInputs nodes =
+      node_inputs(run.inputs_with_past(), data_.hold, steps, delays, system.has_free_delay());
+  nodes.drop_samples(run.past_inputs.rows());
   // The derivatives are by the delay in seconds.
   nodes.slopes /= sample_time;
   nodes.sample_slopes /= sample_time;

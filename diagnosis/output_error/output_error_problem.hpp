@@ -36,6 +36,11 @@ struct OutputErrorRecording {
   bool even = true;         // all steps alike
   Eigen::MatrixXd inputs;   // samples x inputs
   Eigen::MatrixXd outputs;  // samples x outputs
+  // Samples x inputs, up to the first sample: those of the part before, where this is a part of a
+  // file and begins where that ends. Else empty.
+  Eigen::MatrixXd past_inputs = {};
+
+  [[nodiscard]] Eigen::MatrixXd inputs_with_past() const;  // past_inputs above inputs
 };
 
 struct OutputErrorData {

@@ -14,6 +14,12 @@ using Eigen::Index;
 
 bool is_at_actuator(const Element& part) { return part.location.kind == LocationKind::kActuator; }
 
+bool has_memory(const Element& part) {
+  if (!is_at_actuator(part)) return false;
+  return part.use == LawUse::kDelay || part.law_name == "lag" || part.law_name == "rate_limit" ||
+         (part.law && part.law->state_count() > 0);
+}
+
 // exp(-r t) on 0 <= t <= 1 as a parabola at 0, 1/2 and 1: from its moments, as in jump_nodes of
 // node_inputs.cpp; for small r the values themselves, which differ by r^3/100.
 std::array<double, 3> decay_nodes(double r) {
@@ -141,31 +147,49 @@ DriveSignals::DriveSignals(std::span<const OutputErrorRecording> recordings, Inp
                            const RecordedNodes& recorded)
     : recordings_(recordings), hold_(hold), recorded_(&recorded) {}
 
+// What a law with a memory passes: what was recorded before as well.
+Eigen::VectorXd DriveSignals::begin_before(const OutputErrorRecording& recording,
+                                           const LumpedModel& model, double sample_time) {
+  const bool goes_on = recording.past_inputs.rows() > 0;
+  const Eigen::VectorXd before =
+      goes_on ? Eigen::VectorXd(recording.past_inputs.row(0)) : drives_before(model, recording);
+  changed_ = node_inputs(recording.inputs_with_past(), hold_, changed_.steps_per_sample,
+                         delays_of(model, recording.inputs.cols(), sample_time), false, before);
+  return before;
+}
+
+void DriveSignals::apply(const Element& part, double step, const Eigen::VectorXd& before) {
+  const Index channel = part.location.channel;
+  if (part.law_name == "lag") {
+    apply_lag(part.parameters[0], step, channel, before(channel), changed_);
+  } else if (part.law_name == "rate_limit") {
+    apply_rate_limit({part.parameters[0], part.parameters[1], 0.5 * step}, channel, before(channel),
+                     changed_);
+  } else if (part.law->state_count() > 0) {
+    apply_states(*part.law, step, channel, before(channel), changed_);
+  } else {
+    apply_static(*part.law, channel, part.location.driver, changed_);
+  }
+}
+
 const NodeInputs& DriveSignals::of(std::size_t recording, const LumpedModel& model,
                                    double sample_time) {
   const NodeInputs& plain = (*recorded_)[recording];
   if (std::ranges::none_of(model.parts, is_at_actuator)) return plain;
-  const Eigen::VectorXd delays =
-      delays_of(model, recordings_[recording].inputs.cols(), sample_time);
-  const Eigen::VectorXd before = drives_before(model, recordings_[recording]);
-  changed_ = delays.isZero(0.0) ? plain
-                                : node_inputs(recordings_[recording].inputs, hold_,
-                                              plain.steps_per_sample, delays, false, before);
+  const OutputErrorRecording& run = recordings_[recording];
+  const bool remembers = std::ranges::any_of(model.parts, has_memory);
+  changed_.steps_per_sample = plain.steps_per_sample;
+  Eigen::VectorXd before;
+  if (remembers) {
+    before = begin_before(run, model, sample_time);
+  } else {
+    changed_ = plain;
+  }
   const double step = sample_time / plain.steps_per_sample;
   for (const Element& part : model.parts) {
-    if (!is_at_actuator(part) || !part.law) continue;
-    const Index channel = part.location.channel;
-    if (part.law_name == "lag") {
-      apply_lag(part.parameters[0], step, channel, before(channel), changed_);
-    } else if (part.law_name == "rate_limit") {
-      apply_rate_limit({part.parameters[0], part.parameters[1], 0.5 * step}, channel,
-                       before(channel), changed_);
-    } else if (part.law->state_count() > 0) {
-      apply_states(*part.law, step, channel, before(channel), changed_);
-    } else {
-      apply_static(*part.law, channel, part.location.driver, changed_);
-    }
+    if (is_at_actuator(part) && part.law) apply(part, step, before);
   }
+  if (remembers) changed_.drop_samples(run.past_inputs.rows());
   return changed_;
 }
 

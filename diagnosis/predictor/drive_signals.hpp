@@ -10,8 +10,8 @@
 // and the exponential enters by the parabola that has its integrals against 1, t and t^2. So a lag
 // far shorter than a step is right, too, and T -> 0 is continuous.
 //
-// Laws with states, and delays of held inputs, begin from what drive_start.hpp says of the time
-// before the record. A rate limit, and any other law with states, goes in sixteen parts of a step.
+// Laws with states, and delays, begin in the part of the file before this one. Where there is none
+// they begin from what drive_start.hpp says of the time before the record. A rate limit, and any other law with states, goes in sixteen parts of a step.
 //
 //   DriveSignals signals(recordings, InputHold::kZero, 2);
 //   const NodeInputs& drive = signals.of(0, model);      // valid until the next call
@@ -57,6 +57,10 @@ class DriveSignals {
                                      double sample_time);
 
  private:
+  [[nodiscard]] Eigen::VectorXd begin_before(const OutputErrorRecording& recording,
+                                             const LumpedModel& model, double sample_time);
+  void apply(const Element& part, double step, const Eigen::VectorXd& before);
+
   std::span<const OutputErrorRecording> recordings_;
   InputHold hold_;
   const RecordedNodes* recorded_;

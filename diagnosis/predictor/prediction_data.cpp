@@ -155,6 +155,13 @@ Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, InputHold hold, Index
   return means;
 }
 
+// Of the blocks that end where the recording begins.
+Eigen::MatrixXd past_means(const OutputErrorRecording& recording, InputHold hold, Index factor) {
+  const Index count = recording.past_inputs.rows() / factor;
+  if (count == 0) return {};
+  return block_means(recording.past_inputs.bottomRows(count * factor), hold, factor);
+}
+
 // Whether the inputs change within `factor` samples by at most `most` of their rms.
 bool changes_slowly(const OutputErrorData& data, Index factor, double most) {
   double dropped = 0.0, all = 0.0;
@@ -170,6 +177,7 @@ bool changes_slowly(const OutputErrorData& data, Index factor, double most) {
 
 void thin(Index factor, InputHold hold, OutputErrorRecording& recording) {
   const Index count = recording.outputs.rows() / factor;
+  recording.past_inputs = past_means(recording, hold, factor);
   recording.inputs = block_means(recording.inputs, hold, factor);
   recording.outputs =
       Eigen::MatrixXd(recording.outputs(Eigen::seqN(0, count, factor), Eigen::indexing::all));

@@ -104,5 +104,58 @@ TEST(DriveStart, ADelayedCommandIsNotThereBeforeItsDelay) {
   EXPECT_EQ(drive.samples(0, 5), kTorque);
 }
 
+// Whatever an actuator remembers, the second part of a record goes on where the first ends.
+TEST(DriveStart, APartGoesOnWhereTheOneBeforeEnds) {
+  const std::vector<std::string> laws{
+      "delay, parameters: {time: {value: 0.013, unit: s}}",
+      "lag, parameters: {time_constant: {value: 0.04, unit: s}}",
+      "rate_limit, parameters: {limit: {value: 20, unit: N m/s}, time_constant: {value: 0.005, "
+      "unit: s}}"};
+  OutputErrorRecording whole = recording(0.0, 30.0);
+  for (Index k = 0; k < kSamples; ++k)
+    whole.inputs(k, 0) = std::cos(0.05 * static_cast<double>(k)) + (k % 40 < 20 ? 1.0 : -1.0);
+  OutputErrorRecording part = whole;
+  const Index cut = 300;
+  part.time = whole.time.tail(kSamples - cut);
+  part.inputs = whole.inputs.bottomRows(kSamples - cut);
+  part.outputs = whole.outputs.bottomRows(kSamples - cut);
+  part.past_inputs = whole.inputs.topRows(cut);
+  const std::vector<OutputErrorRecording> recordings{whole, part};
+  for (const std::string& law : laws) {
+    const LumpedModel late = motor_with(
+        "  - {name: late, location: {kind: actuator, input: torque}, law: " + law + "}\n");
+    for (const InputHold hold : {InputHold::kZero, InputHold::kFirst}) {
+      const RecordedNodes nodes = recorded_nodes(recordings, hold, 2);
+      DriveSignals signals(recordings, hold, nodes);
+      const NodeInputs all = signals.of(0, late, kStep);
+      const NodeInputs& drive = signals.of(1, late, kStep);
+      ASSERT_EQ(drive.nodes.cols(), nodes[1].nodes.cols());
+      EXPECT_TRUE(drive.nodes.isApprox(all.nodes.rightCols(drive.nodes.cols()), 1e-12)) << law;
+      EXPECT_TRUE(drive.samples.isApprox(all.samples.rightCols(kSamples - cut), 1e-12)) << law;
+    }
+  }
+}
+
+TEST(DriveStart, PartsOfOneFileAreJoinedWhereTheyMeet) {
+  const testing::TemporaryFolder folder;
+  std::ofstream log(folder.file("log.csv"));
+  log << "torque,y\n";
+  for (int k = 0; k < 90; ++k) log << 0.1 * k << "," << 0.01 * k * k << "\n";
+  log.close();
+  std::ofstream(folder.file("campaign.yaml"))
+      << "format: graybox-recordings/1\nsample_time: 0.002\nhold: zero\nchannels:\n"
+         "  - {name: torque, column: torque, unit: N m, role: input}\n"
+         "  - {name: y, column: y, unit: rad/s, role: output}\n"
+         "experiments:\n  - {file: log.csv, segments: [[0, 29]]}\n"
+         "  - {file: log.csv, segments: [[30, 59]], role: validation}\n"
+         "  - {file: log.csv, segments: [[62, 89]]}\n";
+  const OutputErrorData data =
+      load_output_error_data(motor_with(""), load_campaign(folder.file("campaign.yaml")));
+  ASSERT_EQ(data.recordings.size(), 3U);
+  EXPECT_EQ(data.recordings[0].past_inputs.rows(), 0);
+  EXPECT_EQ(data.recordings[1].past_inputs, data.recordings[0].inputs);
+  EXPECT_EQ(data.recordings[2].past_inputs.rows(), 0);
+}
+
 }  // namespace
 }  // namespace graybox
