@@ -143,14 +143,14 @@ TEST(DriveStart, PartsOfOneFileAreJoinedWhereTheyMeet) {
   for (int k = 0; k < 90; ++k) log << 0.1 * k << "," << 0.01 * k * k << "\n";
   log.close();
   std::ofstream(folder.file("campaign.yaml"))
-      << "format: graybox-recordings/1\nsample_time: 0.002\nhold: zero\nchannels:\n"
+      << "format: graybox-campaign/1\nsample_time: 0.002\nhold: zero\nchannels:\n"
          "  - {name: torque, column: torque, unit: N m, role: input}\n"
          "  - {name: y, column: y, unit: rad/s, role: output}\n"
          "experiments:\n  - {file: log.csv, segments: [[0, 29]]}\n"
          "  - {file: log.csv, segments: [[30, 59]], role: validation}\n"
          "  - {file: log.csv, segments: [[62, 89]]}\n";
   const OutputErrorData data =
-      load_output_error_data(motor_with(""), load_campaign(folder.file("campaign.yaml")));
+      load_output_error_data(motor_with(""), read_campaign(folder.file("campaign.yaml")));
   ASSERT_EQ(data.recordings.size(), 3U);
   EXPECT_EQ(data.recordings[0].past_inputs.rows(), 0);
   EXPECT_EQ(data.recordings[1].past_inputs, data.recordings[0].inputs);
