@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include "diagnosis/wiring/gravity_fault.hpp"
 #include "diagnosis/wiring/rate_faults.hpp"
 #include "diagnosis/wiring/wired_balance.hpp"
 #include "diagnosis/wiring/wrap_faults.hpp"
@@ -79,6 +80,9 @@ class Detective {
     }
     return faults;
   }
+
+  // Sum of the joints' errors, with what was found undone.
+  [[nodiscard]] double error() { return balance_.fit(wiring_).error.sum(); }
 
  private:
   struct Suspicion {
@@ -352,6 +356,34 @@ class Detective {
   Wiring wiring_;  // with what was found undone
 };
 
+// Wires mend some joints where gravity mends all. Without any, a large error asks for it, too.
+std::vector<ChannelFault> wires_or_gravity(const RigidRobotModel& robot,
+                                           std::span<const Motion> pieces,
+                                           const std::function<bool()>& keep_going) {
+  constexpr double kLarge = 0.25;  // of a joint's error
+  Detective detective(robot, pieces, keep_going);
+  const double as_recorded = detective.error();
+  std::vector<ChannelFault> wires = detective.run();
+  if (wires.empty() && as_recorded < kLarge * static_cast<double>(robot.size())) return wires;
+  const std::optional<GravityFault> gravity = find_gravity_fault(robot, pieces, keep_going);
+  const double mended = detective.error();
+  if (!gravity || gravity->error_after > kAlike * mended) return wires;
+  const auto joints = static_cast<double>(robot.size());
+  ChannelFault fault{
+      .channels = robot.channels.torque,
+      .message =
+          fmt::format("gravity points elsewhere: the forces fit [{:.3g}, {:.3g}, {:.3g}] m/s^2 in "
+                      "the base frame, the model says [{:.3g}, {:.3g}, {:.3g}]",
+                      gravity->gravity.x(), gravity->gravity.y(), gravity->gravity.z(),
+                      robot.gravity.x(), robot.gravity.y(), robot.gravity.z()),
+      .dissimilarity_before = gravity->error_before / joints,
+      .dissimilarity_after = gravity->error_after / joints,
+      .measure = "relative error of the force balance"};
+  const bool are_alike = wires.size() == 1 && mended <= kAlike * gravity->error_after;
+  if (are_alike) fault.add_rival(wires.front());
+  return {fault};
+}
+
 }  // namespace
 
 std::vector<ChannelFault> find_wiring_faults(const RigidRobotModel& robot,
@@ -362,7 +394,7 @@ std::vector<ChannelFault> find_wiring_faults(const RigidRobotModel& robot,
   if (have_blows(robot, pieces)) return {};
   faults = find_rate_faults(robot, pieces);
   if (!faults.empty()) return faults;  // what follows would follow from them
-  return Detective(robot, pieces, keep_going).run();
+  return wires_or_gravity(robot, pieces, keep_going);
 }
 
 }  // namespace graybox

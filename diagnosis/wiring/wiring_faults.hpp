@@ -1,6 +1,6 @@
 // Faults of wiring, sign and unit in the recordings of a rigid robot, whose masses the recordings
 // themselves must tell (channel_faults.hpp has those of flexible models, whose responses are
-// known). Four questions:
+// known). Five questions:
 //
 //   0. Do positions or velocities jump as counters do that wrap (wrap_faults.hpp)? Then only that
 //      is said.
@@ -23,6 +23,8 @@
 //      the inertia negative, a late force the friction; a stiff spring and a late force together
 //      may look like a wrong sign. Joints that share motors are passed over, and those that go one
 //      way only: a load, as a weight, does the same there.
+//   4. Where wires are found, or a mean error of 0.25 or more: does gravity point elsewhere
+//      (gravity_fault.hpp)? It stands in the place of wires unless these leave a fifth less.
 // A motion that is turned alone must take three fifths of the error; other faults two fifths.
 //
 // Masses that are not known take what they can of a fault. What changes no more than their values

@@ -13,10 +13,12 @@
 #include <filesystem>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "diagnosis/inverse_dynamics/torque_columns.hpp"
+#include "diagnosis/wiring/gravity_fault.hpp"
 #include "diagnosis/wiring/wrap_faults.hpp"
 #include "problems/base/random.hpp"
 #include "tests/support/temporary_folder.hpp"
@@ -195,6 +197,28 @@ TEST(WiringFaults, AreNotFoundWhereThereAreNone) {
                                   piece.torque.bottomRows(n) = torque.topRows(n);
                                 })),
             "");
+}
+
+// The torques are those of an arm on the floor; the model hangs it up. (A first joint along gravity
+// does not feel it, so the other directions are told by both of the others.)
+TEST(WiringFaults, OfAnArmThatHangsElsewhereAreGravity) {
+  for (const Eigen::Vector3d& stated :
+       {Eigen::Vector3d(9.81, 0.0, 0.0), Eigen::Vector3d(0.0, 0.0, 9.81),
+        Eigen::Vector3d(0.0, 0.0, 0.0), Eigen::Vector3d(0.0, 6.9, -6.9)}) {
+    for (const std::uint64_t seed : {5U, 6U}) {
+      const RecordedArm arm(seed);
+      RigidRobotModel robot = arm.model("known");
+      robot.gravity = stated;
+      const std::vector<ChannelFault> found = find_wiring_faults(robot, arm.pieces);
+      ASSERT_EQ(found.size(), 1U) << stated.transpose() << ": " << messages(found);
+      EXPECT_NE(messages(found).find("gravity points elsewhere"), std::string::npos)
+          << messages(found);
+      const std::optional<GravityFault> fault = find_gravity_fault(robot, arm.pieces);
+      ASSERT_TRUE(fault.has_value());
+      EXPECT_LT((fault->gravity - Eigen::Vector3d(0.0, 0.0, -9.81)).norm(), 0.6)
+          << fault->gravity.transpose();
+    }
+  }
 }
 
 struct Fault {

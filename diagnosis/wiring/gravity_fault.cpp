@@ -1,0 +1,126 @@
+#include "diagnosis/wiring/gravity_fault.hpp"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/wiring/wired_balance.hpp"
+
+namespace graybox {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+
+constexpr double kLength = 9.81;  // m/s^2
+constexpr Index kSamples = 600;   // while a direction is looked for
+constexpr double kSettled = 0.6;  // of the error
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kFirstStep = 20.0 * kDegree, kLastStep = 1.0 * kDegree;
+constexpr double kOther = 20.0 * kDegree;  // from the stated direction
+
+std::vector<Motion> some_samples(std::span<const Motion> pieces) {
+  Index samples = 0;
+  for (const Motion& piece : pieces) samples += piece.samples();
+  const auto kept = Eigen::seq(Index{0}, Eigen::last, samples / kSamples + 1);
+  std::vector<Motion> result;
+  for (const Motion& piece : pieces) {
+    result.push_back({piece.time(kept), piece.position(kept, Eigen::all),
+                      piece.velocity(kept, Eigen::all), piece.acceleration(kept, Eigen::all),
+                      piece.torque(kept, Eigen::all)});
+    result.back().load = piece.load;
+  }
+  return result;
+}
+
+// Sum of the joints' relative errors.
+double balance_error(RigidRobotModel robot, const Vector3d& gravity,
+                     std::span<const Motion> pieces) {
+  robot.gravity = gravity;
+  return WiredBalance(robot, pieces).fit(Wiring(robot.size())).error.sum();
+}
+
+std::vector<Vector3d> directions_of_a_cube() {
+  std::vector<Vector3d> result;
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      for (int z = -1; z <= 1; ++z) {
+        if (x != 0 || y != 0 || z != 0) result.push_back(Vector3d(x, y, z).normalized());
+      }
+    }
+  }
+  return result;
+}
+
+// Looks around the best direction so far, by smaller and smaller steps.
+class DirectionSearch {
+ public:
+  DirectionSearch(const RigidRobotModel& robot, std::vector<Motion> pieces,
+                  const std::function<bool()>& keep_going)
+      : robot_(robot), pieces_(std::move(pieces)), keep_going_(keep_going) {}
+
+  // None: it was stopped.
+  [[nodiscard]] std::optional<Vector3d> best() {
+    for (const Vector3d& direction : directions_of_a_cube()) {
+      if (!goes_on()) return {};
+      take_if_better(direction);
+    }
+    for (double step = kFirstStep; step >= kLastStep;) {
+      if (!goes_on()) return {};
+      if (!step_around(step)) step /= 2.0;
+    }
+    return best_;
+  }
+
+ private:
+  [[nodiscard]] bool goes_on() const { return !keep_going_ || keep_going_(); }
+
+  bool take_if_better(const Vector3d& direction) {
+    const double error = balance_error(robot_, kLength * direction, pieces_);
+    if (!(error < error_)) return false;
+    error_ = error;
+    best_ = direction;
+    return true;
+  }
+
+  bool step_around(double step) {
+    const Vector3d centre = best_, across = centre.unitOrthogonal();
+    bool is_better = false;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const Vector3d axis = Eigen::AngleAxisd(0.5 * std::numbers::pi * quarter, centre) * across;
+      is_better = take_if_better(Eigen::AngleAxisd(step, axis) * centre) || is_better;
+    }
+    return is_better;
+  }
+
+  const RigidRobotModel& robot_;
+  std::vector<Motion> pieces_;
+  const std::function<bool()>& keep_going_;
+  Vector3d best_ = -Vector3d::UnitZ();
+  double error_ = HUGE_VAL;
+};
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+}  // namespace
+
+std::optional<GravityFault> find_gravity_fault(const RigidRobotModel& robot,
+                                               std::span<const Motion> pieces,
+                                               const std::function<bool()>& keep_going) {
+  const std::optional<Vector3d> best =
+      DirectionSearch(robot, some_samples(pieces), keep_going).best();
+  if (!best) return {};
+  GravityFault fault{.gravity = kLength * *best};
+  if (robot.gravity.norm() > 0.0 && angle_between(robot.gravity, *best) < kOther) return {};
+  fault.error_before = balance_error(robot, robot.gravity, pieces);
+  fault.error_after = balance_error(robot, fault.gravity, pieces);
+  const bool settles = fault.error_after <= kSettled * fault.error_before &&
+                       fault.error_after <= kSettled * static_cast<double>(robot.size());
+  return settles ? std::optional(fault) : std::nullopt;
+}
+
+}  // namespace graybox

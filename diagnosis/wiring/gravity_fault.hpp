@@ -1,0 +1,35 @@
+// Gravity along another direction than the one that a rigid robot states: an arm on a wall or under
+// a ceiling, or a base frame that stands on its side. Then no joint's weights fit, and a wrong sign
+// seems to mend some of them.
+//
+// The force balance (wired_balance.hpp) is fitted with gravity of 9.81 m/s^2 along the 26
+// directions to faces, edges and corners of a cube, and from the best by steps of 20 down to 1
+// degrees on the sphere. The best is claimed where it stands 20 degrees or more from the stated
+// one, and brings the mean relative error of the joints to at most 0.6 of what it was and of a
+// unit force. Masses that are not known take part in the fit.
+//
+// Calibration: tests/diagnosis/force_balance/wiring_faults_test.cpp. Cost: some 60 fits of 600
+// samples.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "diagnosis/inverse_dynamics/motion_record.hpp"
+#include "problems/mechanisms/rigid_robot_model.hpp"
+
+namespace graybox {
+
+struct GravityFault {
+  Eigen::Vector3d gravity = Eigen::Vector3d::Zero();  // m/s^2, in the base frame
+  double error_before = 0.0, error_after = 0.0;       // sums over the joints, as in WiredFit
+};
+
+// None: the stated gravity does as well, or `keep_going` returned false before the end.
+[[nodiscard]] std::optional<GravityFault> find_gravity_fault(
+    const RigidRobotModel& robot, std::span<const Motion> pieces,
+    const std::function<bool()>& keep_going = {});
+
+}  // namespace graybox
