@@ -160,10 +160,16 @@ std::string range_words(const CheckedRange& range) {
       fmt::format("Checked on {} ({}), within",
                   range.kept_out ? "recordings kept out of the fit" : "the fit's own recordings",
                   listed(range.files));
-  for (std::size_t i = 0; i < range.spans.size(); ++i) {
+  constexpr std::size_t kShown = 6;  // of more than one over
+  const std::size_t shown = range.spans.size() > kShown + 1 ? kShown : range.spans.size();
+  for (std::size_t i = 0; i < shown; ++i) {
     const CheckedRange::Span& span = range.spans[i];
     words += fmt::format("{} {} {:.3g} to {:.3g}{}", i > 0 ? "," : "", span.quantity, span.from,
                          span.to, span.unit.empty() ? "" : " " + span.unit);
+  }
+  if (shown < range.spans.size()) {
+    words +=
+        fmt::format(", and {} more (checked_range in verdict.json)", range.spans.size() - shown);
   }
   if (!range.positions.empty()) words += ", positions " + listed(range.positions);
   return words + ". Nothing is said beyond.";

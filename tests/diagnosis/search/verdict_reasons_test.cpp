@@ -307,6 +307,11 @@ TEST(VerdictReasons, TheRangeNamesFilesAndSpansAndNothingBeyond) {
   EXPECT_NE(words.find("velocity of carriage -0.2 to 0.25 m/s, level 1 to 3"), std::string::npos)
       << words;
   EXPECT_TRUE(range_words({}).empty());
+  CheckedRange robot = range;
+  robot.spans.assign(18, range.spans.front());
+  EXPECT_NE(range_words(robot).find(", and 12 more (checked_range in verdict.json)"),
+            std::string::npos)
+      << range_words(robot);
   EXPECT_TRUE(range_json({}).is_null());
   EXPECT_EQ(range_json(range).at("spans").size(), 2U);
 }
