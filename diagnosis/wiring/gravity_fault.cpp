@@ -1,5 +1,7 @@
 #include "diagnosis/wiring/gravity_fault.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
@@ -7,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/wiring/wired_balance.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {
@@ -102,6 +105,25 @@ class DirectionSearch {
   double error_ = HUGE_VAL;
 };
 
+// With a spring, straight and cubic, at each joint, which together stand for any weight in a small
+// motion.
+RigidRobotModel with_springs(RigidRobotModel robot) {
+  for (Index j = 0; j < robot.size(); ++j) {
+    for (const char* law : {"stiffness", "cubic_spring"}) {
+      Element spring;
+      spring.name = fmt::format("{} of joint {}", law, j);
+      spring.location.input = spring.location.output = Eigen::VectorXd::Unit(robot.size(), j);
+      spring.location.channel = j;
+      spring.law_name = law;
+      spring.parameters = {1.0};
+      spring.fixed = {false};
+      spring.law = find_law(law, false)->make(spring.parameters);
+      robot.elements.push_back(std::move(spring));
+    }
+  }
+  return robot;
+}
+
 double angle_between(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
@@ -120,7 +142,9 @@ std::optional<GravityFault> find_gravity_fault(const RigidRobotModel& robot,
   fault.error_after = balance_error(robot, fault.gravity, pieces);
   const bool settles = fault.error_after <= kSettled * fault.error_before &&
                        fault.error_after <= kSettled * static_cast<double>(robot.size());
-  return settles ? std::optional(fault) : std::nullopt;
+  if (!settles) return {};
+  const double by_springs = balance_error(with_springs(robot), robot.gravity, pieces);
+  return fault.error_after <= by_springs ? std::optional(fault) : std::nullopt;
 }
 
 }  // namespace graybox

@@ -6,7 +6,8 @@
 // directions to faces, edges and corners of a cube, and from the best by steps of 20 down to 1
 // degrees on the sphere. The best is claimed where it stands 20 degrees or more from the stated
 // one, and brings the mean relative error of the joints to at most 0.6 of what it was and of a
-// unit force. Masses that are not known take part in the fit.
+// unit force, and leaves no more than springs at all joints would, straight and cubic: a weight that
+// a spring carries looks like gravity that leans. Masses that are not known take part in the fit.
 //
 // Calibration: tests/diagnosis/force_balance/wiring_faults_test.cpp. Cost: some 60 fits of 600
 // samples.

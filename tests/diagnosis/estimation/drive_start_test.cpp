@@ -144,8 +144,8 @@ TEST(DriveStart, PartsOfOneFileAreJoinedWhereTheyMeet) {
   log.close();
   std::ofstream(folder.file("campaign.yaml"))
       << "format: graybox-campaign/1\nsample_time: 0.002\nhold: zero\nchannels:\n"
-         "  - {name: torque, column: torque, unit: N m, role: input}\n"
-         "  - {name: y, column: y, unit: rad/s, role: output}\n"
+         "  - {name: torque, column: torque, unit: N m, is: input}\n"
+         "  - {name: y, column: y, unit: rad/s, is: output}\n"
          "experiments:\n  - {file: log.csv, segments: [[0, 29]]}\n"
          "  - {file: log.csv, segments: [[30, 59]], role: validation}\n"
          "  - {file: log.csv, segments: [[62, 89]]}\n";
