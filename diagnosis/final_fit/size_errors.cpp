@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include "diagnosis/prediction_error/robust_covariance.hpp"
 #include "diagnosis/predictor/parameter_trend.hpp"
@@ -61,6 +62,32 @@ VectorXd with_disagreement(const LastFit& last, VectorXd deviations) {
   return deviations;
 }
 
+// Where much is left, the same errors may be reached in another valley: what those valleys lie apart
+// by is not known better than that.
+VectorXd with_other_valleys(const LastFit& last, VectorXd deviations) {
+  constexpr double kMuch = 0.05;   // of the signal
+  constexpr double kAsGood = 1.0;  // z
+  const ExtendedLumpedModel& model = last.found.fit.model;
+  if (relative_size(last.found.error, last.data->output_scale()) < kMuch) return deviations;
+  for (const PlacedFinding& law : model.laws) {
+    for (const double factor : {0.7, 1.4}) {
+      std::vector<double> values = model.values();
+      const std::size_t first = model.first_parameter(law.part);
+      const ParameterSpace& space = model.space[first];
+      values[first] = std::clamp(factor * values[first], space.low, space.high);
+      const PredictionFit other = last.judged(with_values(model, values), kLastFitIterations).fit;
+      if (!other.usable || other.free != last.found.fit.free) continue;
+      if (z_between(other, last.found.fit) > kAsGood) continue;
+      for (std::size_t i = 0; i < other.free.size(); ++i) {
+        const std::size_t at = other.free[i];
+        const double apart = std::abs(other.model.values()[at] - model.values()[at]);
+        deviations(static_cast<Index>(i)) = std::fmax(deviations(static_cast<Index>(i)), apart);
+      }
+    }
+  }
+  return deviations;
+}
+
 }  // namespace
 
 VectorXd deviations_of(const PredictionFit& fit) {
@@ -81,7 +108,7 @@ VectorXd steady_deviations(const LastFit& last, const PredictionFit& fit) {
 }
 
 VectorXd deviations_with_disagreement(const LastFit& last) {
-  return with_disagreement(last, steady_deviations(last, last.found.fit));
+  return with_other_valleys(last, with_disagreement(last, steady_deviations(last, last.found.fit)));
 }
 
 std::vector<LawTrend> size_trends(const LastFit& last) {

@@ -312,6 +312,28 @@ void PredictionReasons::add_against_as_given(const Diagnosis& diagnosis,
                       "like those kept out into the fit"));
 }
 
+// A delay of less than a row may be how rows were written: drive and motion are read one after the
+// other, and a drive between two rows is a guess. Beside a small error it is told all the same.
+void PredictionReasons::add_short_delay(const Diagnosis& diagnosis,
+                                        std::vector<VerdictReason>& list) const {
+  double longest = 0.0;
+  for (const FoundEffect& effect : diagnosis.effects) {
+    if (from_.hypotheses->hypotheses()[effect.law.hypothesis].law != "delay") return;
+    longest = std::max(longest, effect.law.parameters.front().value);
+  }
+  const double row = from_.data->recorded_sample_time();
+  const double left = 100.0 * relative_size(from_.final->found().error, from_.data->output_scale());
+  if (diagnosis.effects.empty() || longest >= row || left <= kSmallError) return;
+  VerdictReason reason =
+      test("longest delay found, where that is all, over the time from row to row", longest / row,
+           1.0, false,
+           "record faster, or with the time at which each channel was read: a row whose channels "
+           "are read one after the other shows such a delay, too",
+           Verdict::kAmbiguous);
+  reason.is_lower_limit = true;
+  list.push_back(std::move(reason));
+}
+
 // Where the noise of the sensors alone accounts for the errors, nothing else is asked.
 void PredictionReasons::add_rest(const Diagnosis& diagnosis,
                                  std::vector<VerdictReason>& list) const {
@@ -402,6 +424,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
         trend_reason(diagnosis.trends, diagnosis.effects, "the recordings are one window each"));
   }
   add_determination(diagnosis, Verdict::kAmbiguous, list);
+  add_short_delay(diagnosis, list);
   if (!from_.data->has_validation()) list.push_back(nothing_kept_out());
   std::size_t rivals = 0;
   for (const FoundEffect& effect : diagnosis.effects) rivals += effect.rivals.size();

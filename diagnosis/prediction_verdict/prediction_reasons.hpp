@@ -39,6 +39,7 @@ class PredictionReasons {
   void add_growth(double most_of_small, std::vector<VerdictReason>& list) const;
   void add_misleading(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   void add_against_as_given(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  void add_short_delay(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   void add_rest(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
   [[nodiscard]] std::vector<VerdictReason> of_nothing_missing(
       const Diagnosis& diagnosis, std::vector<VerdictReason> list) const;

@@ -92,6 +92,9 @@ class PredictionData {
   [[nodiscard]] std::size_t recording_count() const { return problem_.data().recordings.size(); }
   [[nodiscard]] Eigen::Index output_count() const { return output_scale().size(); }
   [[nodiscard]] double sample_time() const { return sample_time_; }
+  [[nodiscard]] double recorded_sample_time() const {  // before samples were thinned
+    return sample_time_ / static_cast<double>(problem_.data().thinned_by);
+  }
   [[nodiscard]] int steps_per_sample() const { return steps_; }
   [[nodiscard]] const RecordedNodes& nodes() const { return nodes_; }
   [[nodiscard]] InputHold hold() const { return problem_.data().hold; }

@@ -632,6 +632,22 @@ bool gains_nothing_kept_out(const FoundEffect& effect, const Diagnosis& diagnosi
   return !diagnosis.noise_is_known && effect.held_out && !(effect.held_out->gain > 0.0);
 }
 
+// Where nothing was kept out, the fit must tell it from none.
+bool is_hardly_seen(const FoundEffect& effect, const Diagnosis& diagnosis) {
+  constexpr double kSeen = 2.0;  // z
+  return !diagnosis.noise_is_known && !effect.held_out && !diagnosis.validation_after &&
+         effect.bic_difference < kSeen * kSeen;
+}
+
+// Whole recordings kept out are foretold worse with all that was found than with nothing.
+bool is_worse_kept_out(const Diagnosis& diagnosis) {
+  constexpr double kMuch = 15.0;  // % of the signal
+  if (diagnosis.noise_is_known || !diagnosis.validation_before || !diagnosis.validation_after)
+    return false;
+  const double after = diagnosis.validation_after->nrmse;
+  return after > kMuch && after > diagnosis.validation_before->nrmse;
+}
+
 // More acts unexplained than all that is known to act: no law's size is told then.
 bool leaves_more_than_acts(const Diagnosis& diagnosis) {
   constexpr double kAll = 100.0;  // % of the forces that act
@@ -657,7 +673,8 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
 bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
   return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) ||
          has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis) ||
-         gains_nothing_kept_out(effect, diagnosis) || leaves_more_than_acts(diagnosis);
+         gains_nothing_kept_out(effect, diagnosis) || leaves_more_than_acts(diagnosis) ||
+         is_hardly_seen(effect, diagnosis) || is_worse_kept_out(diagnosis);
 }
 
 bool has_no_confirmed_law(const Diagnosis& diagnosis) {
