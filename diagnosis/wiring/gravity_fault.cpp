@@ -38,11 +38,11 @@ std::vector<Motion> some_samples(std::span<const Motion> pieces) {
   return result;
 }
 
-// Sum of the joints' relative errors.
-double balance_error(RigidRobotModel robot, const Vector3d& gravity,
-                     std::span<const Motion> pieces) {
+// Of each joint, relative.
+Eigen::VectorXd balance_errors(RigidRobotModel robot, const Vector3d& gravity,
+                               std::span<const Motion> pieces) {
   robot.gravity = gravity;
-  return WiredBalance(robot, pieces).fit(Wiring(robot.size())).error.sum();
+  return WiredBalance(robot, pieces).fit(Wiring(robot.size())).error;
 }
 
 std::vector<Vector3d> directions_of_a_cube() {
@@ -74,14 +74,35 @@ class DirectionSearch {
       if (!goes_on()) return {};
       if (!step_around(step)) step /= 2.0;
     }
-    return best_;
+    return plainest();
   }
 
  private:
+  [[nodiscard]] double error_along(const Vector3d& direction) const {
+    return balance_errors(robot_, kLength * direction, pieces_).sum();
+  }
+
+  // Robots stand, hang, or are on a wall: along an axis of the base where that does about as well.
+  [[nodiscard]] Vector3d plainest() const {
+    constexpr double kAsWell = 1.15;
+    Vector3d plainest = best_;
+    double least = kAsWell * error_;
+    for (Index axis = 0; axis < 3; ++axis) {
+      for (const double sign : {-1.0, 1.0}) {
+        const Vector3d direction = sign * Vector3d::Unit(axis);
+        const double error = error_along(direction);
+        if (error > least) continue;
+        least = error;
+        plainest = direction;
+      }
+    }
+    return plainest;
+  }
+
   [[nodiscard]] bool goes_on() const { return !keep_going_ || keep_going_(); }
 
   bool take_if_better(const Vector3d& direction) {
-    const double error = balance_error(robot_, kLength * direction, pieces_);
+    const double error = error_along(direction);
     if (!(error < error_)) return false;
     error_ = error;
     best_ = direction;
@@ -138,13 +159,17 @@ std::optional<GravityFault> find_gravity_fault(const RigidRobotModel& robot,
   if (!best) return {};
   GravityFault fault{.gravity = kLength * *best};
   if (robot.gravity.norm() > 0.0 && angle_between(robot.gravity, *best) < kOther) return {};
-  fault.error_before = balance_error(robot, robot.gravity, pieces);
-  fault.error_after = balance_error(robot, fault.gravity, pieces);
-  const bool settles = fault.error_after <= kSettled * fault.error_before &&
-                       fault.error_after <= kSettled * static_cast<double>(robot.size());
+  const Eigen::VectorXd before = balance_errors(robot, robot.gravity, pieces),
+                        after = balance_errors(robot, fault.gravity, pieces);
+  fault.error_before = before.sum();
+  fault.error_after = after.sum();
+  const bool settles =
+      fault.error_after <= kSettled * fault.error_before && after.mean() <= kLargestSettled;
   if (!settles) return {};
-  const double by_springs = balance_error(with_springs(robot), robot.gravity, pieces);
-  return fault.error_after <= by_springs ? std::optional(fault) : std::nullopt;
+  const Eigen::VectorXd by_springs = balance_errors(with_springs(robot), robot.gravity, pieces);
+  const double taken = before.squaredNorm() - after.squaredNorm(),
+               by_all = before.squaredNorm() - by_springs.squaredNorm();
+  return taken >= kOfSprings * by_all ? std::optional(fault) : std::nullopt;
 }
 
 }  // namespace graybox

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <string>
 
 #include "problems/base/array_index.hpp"
 
@@ -207,6 +208,24 @@ VectorXd WiredBalance::force_row(const Wiring& wiring, Index j) const {
   return row;
 }
 
+// A drive's gain is not negative: what a joint's known bodies do is left out where it would be.
+VectorXd WiredBalance::solve_with_gains(MatrixXd gram, VectorXd moment) const {
+  const std::vector<std::string>& names = columns_.names();
+  for (;;) {
+    VectorXd parameters = solve(gram, moment);
+    bool is_negative = false;
+    for (std::size_t k = 0; k < names.size(); ++k) {
+      const auto column = static_cast<Index>(k);
+      if (!names[k].starts_with("1/gain_") || !(parameters(column) < 0.0)) continue;
+      gram.row(column).setZero();
+      gram.col(column).setZero();
+      moment(column) = 0.0;
+      is_negative = true;
+    }
+    if (!is_negative) return parameters;
+  }
+}
+
 WiredFit WiredBalance::fit(const Wiring& wiring, Index left_out) {
   const Sums& sums = sums_under(wiring, left_out >= 0);
   const Index known = joints_, one = joints_ + 1;
@@ -234,7 +253,7 @@ WiredFit WiredBalance::fit(const Wiring& wiring, Index left_out) {
     gram += sum.gram / variances(j);
     moment += sum.moments * row / variances(j);
   }
-  WiredFit result{solve(gram, moment), VectorXd::Zero(joints_)};
+  WiredFit result{solve_with_gains(gram, moment), VectorXd::Zero(joints_)};
   for (Index j = 0; j < joints_; ++j) {
     if (variances(j) == 0.0) continue;
     const Products& sum = joints[at(j)];

@@ -90,6 +90,8 @@ class WiredBalance {
 
   [[nodiscard]] Eigen::Index parameters() const;
   [[nodiscard]] Motion motion_under(const Wiring& wiring, const Motion& piece) const;
+  [[nodiscard]] Eigen::VectorXd solve_with_gains(Eigen::MatrixXd gram,
+                                                 Eigen::VectorXd moment) const;
   [[nodiscard]] Eigen::VectorXd force_row(const Wiring& wiring, Eigen::Index j) const;
   const Sums& sums_under(const Wiring& wiring, bool with_blocks);
   [[nodiscard]] Sums sums_of(const Wiring& wiring, bool with_blocks);
