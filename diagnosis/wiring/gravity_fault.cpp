@@ -17,9 +17,10 @@ namespace {
 using Eigen::Index;
 using Eigen::Vector3d;
 
-constexpr double kLength = 9.81;  // m/s^2
-constexpr Index kSamples = 600;   // while a direction is looked for
-constexpr double kSettled = 0.6;  // of the error
+constexpr double kLength = 9.81;                         // m/s^2
+constexpr Index kSamples = 600;                          // while a direction is looked for
+constexpr double kSettled = 0.6, kLargestSettled = 0.7;  // of the error, and of a unit force
+constexpr double kOfSprings = 0.8;                       // of the squares that springs would take
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kFirstStep = 20.0 * kDegree, kLastStep = 1.0 * kDegree;
 constexpr double kOther = 20.0 * kDegree;  // from the stated direction
