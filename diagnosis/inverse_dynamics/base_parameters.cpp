@@ -121,6 +121,7 @@ BaseParameters base_parameters(const Eigen::MatrixXd& columns,
 
 QuantityKind base_parameter_kind(const std::string& name, const std::string& unit,
                                  const std::vector<std::string>& relations) {
+  if (name.starts_with("1/gain_")) return QuantityKind::kGain;
   if (name.find('.') != std::string::npos) return quantity_kind(name, unit);
   const auto relation = std::ranges::find_if(
       relations, [&](const std::string& each) { return each.starts_with(name + " = "); });

@@ -19,6 +19,7 @@ enum class QuantityKind : std::int8_t {
   kStiffness,   // not negative in a machine that stands by itself
   kDamping,     // not negative
   kFriction,    // the level of a friction: not negative
+  kGain,        // of a drive, or one over it: positive
   kForce,       // any sign; no larger than what the channel carried
   kDeflection,  // a threshold (gap, clearance): the motion must pass it
   kRate,        // likewise, of the velocity

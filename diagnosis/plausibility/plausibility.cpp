@@ -44,6 +44,10 @@ constexpr Remedy kRemedies[] = {
      "dry friction is missing."},
     {PlausibilityRule::kSign, QuantityKind::kFriction,
      "Usually the force or velocity has the wrong sign, or a channel comes late."},
+    {PlausibilityRule::kSign, QuantityKind::kGain,
+     "Usually that drive's channel has the wrong sign, gravity points elsewhere, or the bodies "
+     "that "
+     "the model states are not what loads this joint."},
     {PlausibilityRule::kZero, QuantityKind::kMass,
      "Record motion that shows it: faster, with more starts and stops."},
     {PlausibilityRule::kZero, QuantityKind::kInertia,
@@ -123,6 +127,7 @@ bool must_not_be_negative(QuantityKind kind) {
     case QuantityKind::kStiffness:
     case QuantityKind::kDamping:
     case QuantityKind::kFriction:
+    case QuantityKind::kGain:
       return true;
     default:
       return false;
@@ -165,6 +170,8 @@ class Examination {
   bool examine_sign(const PhysicalQuantity& quantity) {
     if (!must_not_be_negative(quantity.kind) || std::isnan(quantity.stated)) return false;
     const double total = quantity.value + quantity.stated;
+    const bool is_gain = quantity.kind == QuantityKind::kGain;
+    if (is_gain && !has_error(quantity)) return false;
     if (!has_error(quantity)) {
       if (total >= 0.0) return false;
       add(PlausibilityRule::kZero, quantity, 0.0,
@@ -179,9 +186,11 @@ class Examination {
           quantity.stated != 0.0 ? fmt::format(", {:.3g} with what the model states", total) : "";
       add(PlausibilityRule::kSign, quantity, errors,
           fmt::format("{} is negative by {:.2g} standard errors: {}{}", quantity.name, errors,
-                      value_words(quantity), beside));
+                      value_words(quantity), beside),
+          !is_gain);
       return true;
     }
+    if (is_gain) return false;
     if (errors < 1.0 || total < 0.0) {
       const std::string below =
           errors < 1.0 ? "" : fmt::format(" (below zero by {:.2g} standard errors)", errors);
@@ -440,6 +449,8 @@ const char* words_of(QuantityKind kind) {
       return "damping";
     case QuantityKind::kFriction:
       return "friction level";
+    case QuantityKind::kGain:
+      return "gain";
     case QuantityKind::kForce:
       return "force";
     case QuantityKind::kDeflection:

@@ -3,7 +3,8 @@
 //
 // Rules, one function each. z is a value over its standard error.
 //   sign        mass, inertia, stiffness, damping or friction below zero (with what the model
-//               states there) by `sign_errors` standard errors
+//               states there) by `sign_errors` standard errors; of a drive's gain it says so, and
+//               does not exclude the model
 //   zero        of these, one that is smaller than its error (so also a zero of the search with an
 //               error), or below zero by fewer errors or without any: not determined
 //   bound       a value at a bound of the search, or `runaway` times its start or more away from

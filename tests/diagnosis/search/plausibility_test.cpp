@@ -79,6 +79,19 @@ TEST(Plausibility, ExcludesWhatIsNegativeByMoreThanItsError) {
   EXPECT_TRUE(implausibilities(with(quantity(QuantityKind::kOther, -1.0, 0.1))).empty());
 }
 
+// A wrist that its bodies hardly load says little of the arm, but its drive's gain is not told.
+TEST(Plausibility, SaysWhichDriveHasANegativeGain) {
+  const auto flaws = implausibilities(with(quantity(QuantityKind::kGain, -1.0, 0.1)));
+  ASSERT_EQ(flaws.size(), 1U);
+  EXPECT_EQ(flaws[0].rule, PlausibilityRule::kSign);
+  EXPECT_FALSE(flaws[0].excludes);
+  EXPECT_NE(flaws[0].remedy.find("gravity points elsewhere"), std::string::npos);
+  for (const double error : {0.5, 2.0, std::nan("")})
+    EXPECT_TRUE(implausibilities(with(quantity(QuantityKind::kGain, -1.0, error))).empty());
+  EXPECT_TRUE(implausibilities(with(quantity(QuantityKind::kGain, 1.0, 0.1))).empty());
+  EXPECT_EQ(base_parameter_kind("1/gain_2", "1", {}), QuantityKind::kGain);
+}
+
 TEST(Plausibility, SaysWhatItsErrorDoesNotTellFromZeroIsNotDetermined) {
   for (const double value : {0.05, -0.05, 1e-13}) {
     const auto flaws = implausibilities(with(quantity(QuantityKind::kDamping, value, 0.1)));
