@@ -12,6 +12,7 @@
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/law_shapes.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 #include "problems/base/units.hpp"

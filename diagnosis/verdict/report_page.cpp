@@ -9,6 +9,7 @@
 
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/verdict/curve_traces.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "diagnosis/verdict/law_figure.hpp"
 #include "diagnosis/verdict/report_tables.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"

@@ -11,6 +11,7 @@
 #include "diagnosis/evidence/search_options.hpp"
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
 

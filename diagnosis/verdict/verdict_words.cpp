@@ -10,6 +10,7 @@
 #include "diagnosis/evidence/verdict_reasons.hpp"
 #include "diagnosis/hypotheses/fit_physics.hpp"
 #include "diagnosis/plausibility/plausibility_words.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "diagnosis/verdict/error_places.hpp"
 #include "diagnosis/verdict/friction_words.hpp"
 #include "diagnosis/verdict/law_words.hpp"
@@ -251,26 +252,6 @@ std::string better_rivals_words(const FoundEffect& effect, std::span<const Hypot
 std::string unsound_words(const FoundEffect& effect, std::span<const Hypothesis> hypotheses) {
   return fmt::format("In that fit: {}: {}.", hypothesis_words(hypotheses[effect.law.hypothesis]),
                      parameters_words(effect.law));
-}
-
-// A law with which nothing is predicted, however much worse it is without, was not found: what is
-// left is larger than the signal, and no noise is known to be that large.
-bool predicts_nothing(const FoundEffect& effect, const Diagnosis& diagnosis) {
-  constexpr double kAll = 100.0;  // % of the signal
-  return !diagnosis.noise_is_known && effect.held_out && effect.held_out->error_with >= kAll;
-}
-
-// A law of which no size is told from zero may be any other.
-bool has_no_size(const FittedLaw& law) {
-  constexpr double kToldApart = 2.0;  // standard errors
-  bool any = false;
-  for (const LawParameterEstimate& estimate : law.parameters) {
-    const double error = estimate.error();
-    if (!sets_size(estimate) || !(error > 0.0)) continue;
-    if (std::abs(estimate.value) > kToldApart * error) return false;
-    any = true;
-  }
-  return any;
 }
 
 // Where a spring rests that was found beside a constant force at its place, k x + f = 0; empty: it
@@ -619,43 +600,6 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   return words + " Let the machine warm up, look for what works loose, and record for longer.";
 }
 
-// A force several times what ever acted there stands in for something else.
-bool exceeds_what_acted(const FittedLaw& law, const Diagnosis& diagnosis) {
-  return std::ranges::any_of(diagnosis.implausible, [&](const Implausibility& flaw) {
-    return flaw.rule == PlausibilityRule::kSize &&
-           std::ranges::count(law.parameters, flaw.value, &LawParameterEstimate::value) > 0;
-  });
-}
-
-// Where the noise is not known, recordings kept out must be predicted better with it.
-bool gains_nothing_kept_out(const FoundEffect& effect, const Diagnosis& diagnosis) {
-  return !diagnosis.noise_is_known && effect.held_out && !(effect.held_out->gain > 0.0);
-}
-
-// Where nothing was kept out, the fit must tell it from none.
-bool is_hardly_seen(const FoundEffect& effect, const Diagnosis& diagnosis) {
-  constexpr double kSeen = 2.0;  // z
-  return !diagnosis.noise_is_known && !effect.held_out && !diagnosis.validation_after &&
-         effect.bic_difference < kSeen * kSeen;
-}
-
-// Whole recordings kept out are foretold worse with all that was found than with nothing.
-bool is_worse_kept_out(const Diagnosis& diagnosis) {
-  constexpr double kMuch = 15.0;  // % of the signal
-  if (diagnosis.noise_is_known || !diagnosis.validation_before || !diagnosis.validation_after)
-    return false;
-  const double after = diagnosis.validation_after->nrmse;
-  return after > kMuch && after > diagnosis.validation_before->nrmse;
-}
-
-// More acts unexplained than all that is known to act: no law's size is told then.
-bool leaves_more_than_acts(const Diagnosis& diagnosis) {
-  constexpr double kAll = 100.0;  // % of the forces that act
-  return std::ranges::any_of(diagnosis.reasons, [](const VerdictReason& reason) {
-    return reason.test.starts_with(kForceTest) && reason.value.value_or(0.0) > kAll;
-  });
-}
-
 void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   std::size_t blind = 0;
   for (const DetectableEffect& effect : diagnosis.detectable) {
@@ -667,24 +611,6 @@ void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines)
                   "fitted parameters imitate them.",
                   diagnosis.detectable.size(), blind));
 }
-
-}  // namespace
-
-bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis) {
-  return is_not_confirmed(effect) || predicts_nothing(effect, diagnosis) ||
-         has_no_size(effect.law) || exceeds_what_acted(effect.law, diagnosis) ||
-         gains_nothing_kept_out(effect, diagnosis) || leaves_more_than_acts(diagnosis) ||
-         is_hardly_seen(effect, diagnosis) || is_worse_kept_out(diagnosis);
-}
-
-bool has_no_confirmed_law(const Diagnosis& diagnosis) {
-  return !diagnosis.effects.empty() && diagnosis.late_channels.empty() &&
-         std::ranges::all_of(diagnosis.effects, [&](const FoundEffect& effect) {
-           return is_doubtful(effect, diagnosis);
-         });
-}
-
-namespace {
 
 // "the motion of slow at half its amplitude and twice its speed, joint_2 alone".
 std::string motion_words(const ExperimentOption& option) {

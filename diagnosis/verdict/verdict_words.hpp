@@ -24,12 +24,6 @@ namespace graybox {
 // By the limits that a fit's rest must keep where the noise is not known (SearchOptions).
 [[nodiscard]] bool is_more_than_noise(const ChannelRest& rest);
 
-// Whether a law of the last fit is called "Not confirmed", not "Found": recordings kept out speak
-// against it, nothing is predicted with it, or no size of it is told from zero.
-[[nodiscard]] bool is_doubtful(const FoundEffect& effect, const Diagnosis& diagnosis);
-// Whether laws are told, none of them is "Found", and no channel is late.
-[[nodiscard]] bool has_no_confirmed_law(const Diagnosis& diagnosis);
-
 // ", 0.3 s ahead", of errors that are those of predictions so far ahead; empty: whole recordings.
 [[nodiscard]] std::string ahead_words(const ExtendedFit& fit);
 

@@ -17,6 +17,7 @@
 #include "diagnosis/runs/answer_advice.hpp"
 #include "diagnosis/second_looks/answer_worth.hpp"
 #include "diagnosis/second_looks/unseen_rotors.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/law_words.hpp"
 #include "diagnosis/verdict/next_plan.hpp"
@@ -229,6 +230,41 @@ TEST(VerdictWords, FindNoLawOfWhichNoSizeIsTold) {
   diagnosis.effects[0].law.parameters[0].conditional_error = 2.0;
   EXPECT_TRUE(is_doubtful(diagnosis.effects[0], diagnosis));
   diagnosis.effects[0].law.parameters[0].conditional_error = 0.2;
+  EXPECT_FALSE(is_doubtful(diagnosis.effects[0], diagnosis));
+}
+
+// Whole recordings kept out that are foretold badly, and worse than with nothing.
+TEST(VerdictWords, ConfirmNoLawWithWhichAllIsForetoldWorse) {
+  Diagnosis diagnosis = explained();
+  diagnosis.noise_is_known = false;
+  diagnosis.validation_before = diagnosis.validation_after = diagnosis.after.estimation;
+  for (const auto& [before, after] : {std::pair{62.7, 70.3}, {62.7, 40.0}, {2.0, 3.0}}) {
+    diagnosis.validation_before->nrmse = before;
+    diagnosis.validation_after->nrmse = after;
+    EXPECT_EQ(is_doubtful(diagnosis.effects[0], diagnosis), after > 60.0) << after;
+  }
+}
+
+TEST(VerdictWords, ConfirmNoLawThatTheFitHardlyAsksFor) {
+  Diagnosis diagnosis = explained();
+  diagnosis.noise_is_known = false;
+  diagnosis.validation_before.reset();
+  diagnosis.validation_after.reset();
+  diagnosis.effects[0].held_out.reset();
+  for (const double z : {1.0, 3.0}) {
+    diagnosis.effects[0].bic_difference = z * z;
+    EXPECT_EQ(is_doubtful(diagnosis.effects[0], diagnosis), z < 2.0);
+  }
+}
+
+TEST(VerdictWords, ConfirmNoRippleOfUnknownPhaseBesideARival) {
+  Diagnosis diagnosis = explained();
+  diagnosis.effects[0].law.parameters.push_back({"phase", "rad", 1.4, 2.2});
+  for (const bool has_rival : {false, true}) {
+    diagnosis.effects[0].rivals.assign(has_rival ? 1 : 0, Rival{});
+    EXPECT_EQ(is_doubtful(diagnosis.effects[0], diagnosis), has_rival);
+  }
+  diagnosis.effects[0].law.parameters.back().standard_error = 0.2;
   EXPECT_FALSE(is_doubtful(diagnosis.effects[0], diagnosis));
 }
 
