@@ -12,6 +12,7 @@
 #include "diagnosis/predictor/prediction_data.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/second_looks/answer_worth.hpp"
+#include "diagnosis/verdict/doubtful_effects.hpp"
 #include "problems/base/stop.hpp"
 
 namespace graybox {
@@ -65,6 +66,13 @@ std::string lack_of(const Diagnosis& diagnosis) {
   }
   const bool is_open = diagnosis.verdict != Verdict::kNone && has_loose_mass(diagnosis);
   return is_open ? "do not determine the mass that moves" : "";
+}
+
+// Whether laws were told, and none of them holds on the recordings kept out.
+bool has_no_law_that_holds(const Diagnosis& diagnosis) {
+  return diagnosis.verdict == Verdict::kUnknown && !diagnosis.interrupted &&
+         diagnosis.channel_faults.empty() && diagnosis.validation_after.has_value() &&
+         has_no_confirmed_law(diagnosis);
 }
 
 // Whether the recordings of the fit and those kept out ask for other sizes of the same laws. What
@@ -167,6 +175,18 @@ CampaignLook look_with_common_sizes(const MethodAnswer& first, const DiagnosisRe
   return all;
 }
 
+// All recordings are fitted, which must leave much less of them than was left of those kept out.
+CampaignLook look_for_what_holds(const MethodAnswer& first, const DiagnosisRequest& request,
+                                 const Campaign& campaign) {
+  constexpr double kMuchLess = 0.6;
+  CampaignLook all = look_with_all(first.method, request, campaign,
+                                   "show no law that is confirmed on those kept out");
+  if (!all.answer) return all;
+  const double left = all.answer->found.answer.diagnosis.after.estimation.nrmse;
+  if (!(left < kMuchLess * first.answer.diagnosis.validation_after->nrmse)) all.answer.reset();
+  return all;
+}
+
 }  // namespace
 
 CampaignLook look_at_other_roles(const MethodAnswer& first, const DiagnosisRequest& request,
@@ -174,8 +194,10 @@ CampaignLook look_at_other_roles(const MethodAnswer& first, const DiagnosisReque
   const MethodChoice& method = first.method;
   const std::string lack = lack_of(first.answer.diagnosis);
   const bool is_changed = lack.empty() && asks_for_other_sizes(first.answer.diagnosis);
-  const bool is_asked = method.takes_any_motion() && (!lack.empty() || is_changed);
+  const bool holds_nothing = lack.empty() && has_no_law_that_holds(first.answer.diagnosis);
+  const bool is_asked = method.takes_any_motion() && (!lack.empty() || is_changed || holds_nothing);
   if (!is_asked || stop_requested() || !are_few_with_some_kept_out(campaign)) return {};
+  if (holds_nothing) return look_for_what_holds(first, request, campaign);
   if (is_changed) return look_with_common_sizes(first, request, campaign);
   CampaignLook others;
   if (can_be_searched_kept_out(campaign)) {
