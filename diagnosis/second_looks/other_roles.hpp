@@ -4,9 +4,9 @@
 // on the other, they change places, and what the other shows is tested on the first. A short log
 // that is cut in two may show in neither part what it shows as a whole. Then all recordings are
 // fitted. So they are where laws are told that none kept out confirms, and the fit of all leaves at
-// most 0.6 times what was left of those. Nothing is left to test what is found so, and its verdict is `ambiguous` at best. So are
-// they where the two ask for other sizes of the same laws: other laws may hold with one size for
-// both.
+// most 0.6 times what was left of those. Nothing is left to test what is found so, and its verdict
+// is `ambiguous` at best. The same is done where the two ask for other sizes of the same laws:
+// other laws may hold with one size for both.
 #pragma once
 
 #include "diagnosis/recordings/campaign.hpp"
