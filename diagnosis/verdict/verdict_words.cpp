@@ -76,10 +76,16 @@ std::string loose_mass(const Diagnosis& diagnosis) {
 
 // The headline where no test saw that something is missing, and not all of them passed.
 std::string undetected_words(const Diagnosis& diagnosis) {
-  constexpr double kMuch = 15.0;  // % of the signal
+  constexpr double kMuch = 15.0, kAll = 100.0;  // % of the signal
   const bool is_kept_out = diagnosis.validation_after.has_value();
   const double error =
       is_kept_out ? diagnosis.validation_after->nrmse : diagnosis.after.estimation.nrmse;
+  if (!diagnosis.noise_is_known && error > kAll) {
+    return fmt::format(
+        "The model foretells nothing{}: its error is {:.2g} times the signal. Look at what drives "
+        "the machine: its unit and sign, and whether it changes faster than it was recorded.",
+        is_kept_out ? " of the recordings kept out" : "", error / kAll);
+  }
   if (!diagnosis.noise_is_known && error > kMuch) {
     return fmt::format(
         "The model misses {:.2g} % of the signal{}, and these recordings do not tell whether that "

@@ -635,6 +635,9 @@ TEST(VerdictWords, DoNotCallPhysicsMissingWhereNothingWasSeen) {
   EXPECT_EQ(headline(diagnosis),
             "The model misses 31 % of the signal in recordings kept out, and these recordings do "
             "not tell whether that is noise, a disturbance or missing physics.");
+  diagnosis.validation_after->nrmse = 1600.0;
+  EXPECT_TRUE(headline(diagnosis).starts_with(
+      "The model foretells nothing of the recordings kept out: its error is 16 times the signal."));
   diagnosis.noise_is_known = true;
   EXPECT_TRUE(headline(diagnosis).starts_with("Nothing was seen to be missing"));
 }
