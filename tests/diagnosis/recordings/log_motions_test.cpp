@@ -1,0 +1,125 @@
+// What `graybox model` says of a position beside its velocity, and of a drive that the rows of a log
+// don't follow: signs in a bit, offsets, coarse positions, drives that change between the rows. All
+// logs are simulated here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/proposal/proposal.hpp"
+#include "tests/support/proposal_words.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Values = std::vector<double>;
+using Column = std::pair<std::string, Values>;
+
+struct Rows {
+  Values time, position, velocity, force;
+};
+
+// J v' = u - b v - c sign(v), with u(t) held for a fine step; every `thin` of these is a row.
+Rows rows_of(const std::function<double(double)>& force, int rows, double step, int thin = 1) {
+  constexpr double kInertia = 0.02, kDamping = 0.05, kDry = 0.05;
+  constexpr int kSteps = 20;
+  Rows result;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < rows * thin; ++k) {
+    const double t = step * k / thin, u = force(t);
+    if (k % thin == 0) {
+      result.time.push_back(t);
+      result.position.push_back(q);
+      result.velocity.push_back(v);
+      result.force.push_back(u);
+    }
+    for (int s = 0; s < kSteps; ++s) {
+      v += (u - kDamping * v - kDry * std::tanh(v / 0.01)) / kInertia * step / thin / kSteps;
+      q += v * step / thin / kSteps;
+    }
+  }
+  return result;
+}
+
+double two_sines(double t) { return 0.6 * std::sin(2.0 * t) + 0.3 * std::sin(5.1 * t + 1.0); }
+
+Values mapped(const Values& values, const std::function<double(double)>& change) {
+  Values result;
+  for (const double value : values) result.push_back(change(value));
+  return result;
+}
+
+class LogMotions : public ::testing::Test, protected testing::ProposalWords {
+ protected:
+  ModelProposal proposed(const std::vector<Column>& columns,
+                         const std::vector<std::string>& answers = {},
+                         ProposalRequest request = {}) {
+    std::string text;
+    for (const Column& column : columns) text += (text.empty() ? "" : ",") + column.first;
+    text += "\n";
+    for (std::size_t k = 0; k < columns.front().second.size(); ++k) {
+      for (std::size_t c = 0; c < columns.size(); ++c) {
+        text += fmt::format("{}{:.9g}", c == 0 ? "" : ",", columns[c].second[k]);
+      }
+      text += "\n";
+    }
+    testing::write_text(folder_.file("log.csv"), text);
+    request.machine = ProposedMachine::kOneMass;
+    request.logs = {folder_.file("log.csv")};
+    request.folder = folder_.file("axis");
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
+    return propose_model(request);
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+// ---- drives that change between the rows --------------------------------------------------------
+
+// Noise that changes eight times a row, and the same held for its row, which the motion follows.
+TEST_F(LogMotions, ADriveFasterThanItsRowsIsTold) {
+  const auto proposal_of = [&](int thin, const std::string& title) {
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> noise(0.0, 1.0);
+    const Rows rows = rows_of([&](double) { return noise(random); }, 600, 0.01, thin);
+    return proposed({{"time [s]", rows.time}, {"angle [rad]", rows.position}, {title, rows.force}});
+  };
+  const std::string words = "changes by its own size from row to row (1.4 times its rms)";
+  const ModelProposal fast = proposal_of(8, "voltage [V]");
+  EXPECT_TRUE(says(fast, "'voltage [V]' " + words) || says(fast, "'voltage' " + words))
+      << all_of(fast);
+  EXPECT_TRUE(says(fast, "log it faster"));
+  const ModelProposal held = proposal_of(1, "voltage [V]");
+  EXPECT_FALSE(says(held, "changes by its own size")) << all_of(held);
+  EXPECT_TRUE(says(proposal_of(1, "current [A]"), words));
+}
+
+// Ordinary drives: sines, steps of any size that are held for five rows, and two levels.
+TEST_F(LogMotions, ADriveThatKeepsUpWithItsRowsIsNotDoubted) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  double value = 0.0;
+  int row = 0;
+  const auto held = [&](double) {
+    if (row++ % 5 == 0) value = noise(random);
+    return value;
+  };
+  const auto levels = [&](double) { return noise(random) > 0.0 ? 1.0 : -1.0; };
+  const std::vector<std::function<double(double)>> forces{two_sines, held, levels};
+  for (const std::function<double(double)>& force : forces) {
+    const Rows rows = rows_of(force, 600, 0.01);
+    const ModelProposal proposal = proposed(
+        {{"time [s]", rows.time}, {"angle [rad]", rows.position}, {"current [A]", rows.force}});
+    EXPECT_FALSE(says(proposal, "changes by its own size")) << all_of(proposal);
+  }
+}
+
+}  // namespace
+}  // namespace graybox
