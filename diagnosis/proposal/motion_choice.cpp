@@ -9,6 +9,7 @@
 #include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/sign_bit.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {
@@ -108,14 +109,47 @@ class RateComparison {
     return true;
   }
 
+  // A velocity that is not the rate of the position, and rougher than that: the position is right.
+  [[nodiscard]] bool doubts_velocity() const {
+    if (!is_no_rate_ || has_sign_bit_) return has_sign_bit_;
+    const Eigen::VectorXd place = context_.even.of(position_->values),
+                          speed = context_.even.of(velocity_->values);
+    if (!place.allFinite() || !speed.allFinite()) return false;
+    return roughness(speed) >
+           roughness(place.tail(place.size() - 2) - place.head(place.size() - 2));
+  }
+
  private:
   [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
+
+  // A velocity that is the rate but for its sign, which is a bit of its own.
+  [[nodiscard]] bool has_sign_bit(const Eigen::VectorXd& place) {
+    constexpr double kSurely = 0.3, kClearly = 0.5;  // of the misfit
+    const double unit = velocity_->words.unit_factor;
+    const std::optional<SignBit> sign = find_sign_bit(without_gaps(velocity_->values) / unit);
+    if (!sign) return false;
+    const Eigen::VectorXd speed = sign->signed_of(context_.even.of(velocity_->values) / unit);
+    const std::optional<RateFit> fit = fit_rate(place, speed, context_.step);
+    if (!fit || !(fit->misfit < kSurely)) return false;
+    if (fit_ && !(fit->misfit < kClearly * fit_->misfit)) return false;
+    notes_.push_back(
+        fmt::format("'{}' would be the rate of '{}' with {}: write {} (no preprocess does it)",
+                    velocity_->name, position_->name, sign->words(), sign->mend()));
+    return true;
+  }
 
   // Is the velocity the rate of the position, and in which units?
   void compare() {
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return;
     const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
     fit_ = fit_rate(context_.even.of(smooth), context_.even.of(velocity_->values), context_.step);
+    if (has_sign_bit(context_.even.of(smooth))) {
+      fit_.reset();
+      is_no_rate_ = has_sign_bit_ = true;
+      remarks_.push_back(
+          fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
+      return;
+    }
     if (!fit_) return compare_means(context_.even.of(smooth));
     if (std::abs(fit_->late) > std::max(kLate, 2.0 * context_.step)) {
       remarks_.push_back(fmt::format("'{}' is {} than the rate of '{}' by {:.3g} s",
@@ -168,6 +202,7 @@ class RateComparison {
       if (units_.is_found && factor > 0.0) return;
       units_ = {};
     }
+    is_no_rate_ = true;
     remarks_.push_back(
         fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
   }
@@ -272,6 +307,7 @@ class RateComparison {
   const MotionContext& context_;
   std::optional<RateFit> fit_;
   MotionUnits units_;
+  bool is_no_rate_ = false, has_sign_bit_ = false;
   std::vector<std::string> remarks_, notes_;
   std::vector<OpenQuestion> questions_;
 };
@@ -415,7 +451,7 @@ class MotionUnitChoice {
   // Steps along a line: how long one is the velocity says, or the user.
   void take_linear_counts() {
     const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && rates_.fit();
-    if (velocity_ != nullptr && !has_speed) return take_velocity();
+    if (velocity_ != nullptr && !has_speed && !rates_.doubts_velocity()) return take_velocity();
     if (has_speed) {
       choice_.factor = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       const double length = choice_.factor;
@@ -445,7 +481,7 @@ class MotionUnitChoice {
       count = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       why = fmt::format("{:.4g} counts a turn, from '{}'", kTurn / count, velocity_->name);
     }
-    if (count == 0.0 && velocity_ != nullptr) {
+    if (count == 0.0 && velocity_ != nullptr && !rates_.doubts_velocity()) {
       choice_.notes.push_back(
           fmt::format("'{}' counts steps of unknown size: '{}' is used (or say --counts-per-turn)",
                       position_->name, velocity_->name));

@@ -1,9 +1,9 @@
-// What `graybox model` says of a position beside its velocity, and of a drive that the rows of a log
-// don't follow: signs in a bit, offsets, coarse positions, drives that change between the rows. All
-// logs are simulated here.
+// What `graybox model` says of a position beside its velocity, and of a drive that changes between
+// the rows: signs in a bit of their own, offsets, coarse positions. All logs are simulated here.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
 #include <functional>
@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "diagnosis/proposal/proposal.hpp"
+#include "diagnosis/signal_faults/sign_bit.hpp"
 #include "tests/support/proposal_words.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -119,6 +120,51 @@ TEST_F(LogMotions, ADriveThatKeepsUpWithItsRowsIsNotDoubted) {
         {{"time [s]", rows.time}, {"angle [rad]", rows.position}, {"current [A]", rows.force}});
     EXPECT_FALSE(says(proposal, "changes by its own size")) << all_of(proposal);
   }
+}
+
+// ---- a sign in a bit of its own -----------------------------------------------------------------
+
+double in_magnitude(double value, int bit) {
+  const double whole = std::round(value);
+  return whole < 0.0 ? std::ldexp(1.0, bit) - whole : whole;
+}
+
+// A servo's telemetry: counts, their rate with its sign in bit 15, the effort with that in bit 10.
+TEST_F(LogMotions, ASignBitIsNoticed) {
+  constexpr double kCount = 650.0;  // a radian
+  const Rows rows = rows_of(two_sines, 600, 0.05);
+  const ModelProposal proposal = proposed(
+      {{"time [s]", rows.time},
+       {"pos", mapped(rows.position, [](double q) { return std::round(kCount * q); })},
+       {"speed", mapped(rows.velocity, [](double v) { return in_magnitude(kCount * v, 15); })},
+       {"load", mapped(rows.force, [](double u) { return in_magnitude(400.0 * u, 10); })}});
+  EXPECT_TRUE(says(proposal, "'speed' would be the rate of 'pos' with bit 15 as its sign"))
+      << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "write 32768 - x for each x from 32768 on"));
+  EXPECT_TRUE(says(proposal, "How many counts of 'pos' are a turn?")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "'speed' is not the rate of 'pos': it is not used"));
+  EXPECT_TRUE(says(proposal, "'load' jumps as a number does that has bit 10 as its sign"));
+  EXPECT_FALSE(says(proposal, "its sign while the axis moves both ways")) << all_of(proposal);
+}
+
+// Magnitudes with a sign, numbers above 2^10 without jumps, and a two's complement.
+TEST_F(LogMotions, OtherNumbersHaveNoSignBit) {
+  constexpr int kSamples = 400;
+  Eigen::VectorXd bit(kSamples), smooth(kSamples), complement(kSamples);
+  for (int k = 0; k < kSamples; ++k) {
+    const double value = 300.0 * std::sin(0.1 * k);
+    bit(k) = in_magnitude(value, 10);
+    smooth(k) = std::round(1000.0 + value);
+    complement(k) = std::round(value) + (std::round(value) < 0.0 ? 65536.0 : 0.0);
+  }
+  const auto found = find_sign_bit(bit);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->bit, 10);
+  EXPECT_DOUBLE_EQ(found->signed_of(1100.0), -76.0);
+  EXPECT_DOUBLE_EQ(found->signed_of(76.0), 76.0);
+  EXPECT_FALSE(find_sign_bit(smooth));
+  EXPECT_FALSE(find_sign_bit(complement));
+  EXPECT_FALSE(find_sign_bit(-bit));
 }
 
 }  // namespace
