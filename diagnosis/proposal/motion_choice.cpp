@@ -9,6 +9,7 @@
 #include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/sign_bit.hpp"
 #include "problems/base/units.hpp"
 
@@ -86,6 +87,7 @@ class RateComparison {
 
   [[nodiscard]] const std::optional<RateFit>& fit() const { return fit_; }
   [[nodiscard]] const MotionUnits& units() const { return units_; }
+  [[nodiscard]] bool has_offset() const { return has_offset_; }
   // How position and velocity agree.
   [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -160,6 +162,7 @@ class RateComparison {
       notes_.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
                                    velocity_->name, position_->name));
     }
+    find_offset(context_.even.of(smooth));
     if (is_counted(*position_)) return;
     units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
     note_factor();
@@ -184,6 +187,32 @@ class RateComparison {
     remarks_.push_back(fmt::format("{}the rate of '{}' is {:.4g} times '{}', which fits no units",
                                    by_sample_time(), position_->name, fit_->factor,
                                    velocity_->name));
+  }
+
+  // A velocity that is not zero where the position stands: by the way over the time, which noise
+  // does not reach, and by the median of what is left, which jumps of the position do not.
+  void find_offset(const Eigen::VectorXd& place) {
+    constexpr double kWorth = 0.1, kAlike = 2.0;
+    const Eigen::Index n = place.size() - 2;
+    const Eigen::ArrayXd speed = context_.even.of(velocity_->values).segment(1, n).array();
+    const Eigen::ArrayXd rate =
+        (place.tail(n) - place.head(n)).array() / (2.0 * context_.step * fit_->factor);
+    const Eigen::ArrayXd left = speed - rate;
+    const double mean = left.mean(), median = quantile(left.matrix(), 0.5);
+    const double deviation = std::sqrt((speed - speed.mean()).square().mean());
+    // A factor that is not quite right leaves its share of the mean rate.
+    const double by_factor = std::max(kWorth, fit_->misfit * fit_->misfit) * std::abs(rate.mean());
+    if (!(std::abs(mean) > kWorth * deviation + by_factor)) return;
+    if (!(median * mean > 0.0) || std::abs(median) > kAlike * std::abs(mean) ||
+        std::abs(mean) > kAlike * std::abs(median)) {
+      return;
+    }
+    has_offset_ = true;
+    const std::string& unit = velocity_->words.unit;
+    notes_.push_back(fmt::format(
+        "'{}' has an offset: where '{}' stands still it is about {:.2g}{}, {:.2g} of its deviation",
+        velocity_->name, position_->name, median, unit.empty() ? "" : " " + unit,
+        std::abs(median) / deviation));
   }
 
   // Noise, jitter of the stamps and a small lateness leave only the mean of a speed that hardly
@@ -307,7 +336,7 @@ class RateComparison {
   const MotionContext& context_;
   std::optional<RateFit> fit_;
   MotionUnits units_;
-  bool is_no_rate_ = false, has_sign_bit_ = false;
+  bool is_no_rate_ = false, has_sign_bit_ = false, has_offset_ = false;
   std::vector<std::string> remarks_, notes_;
   std::vector<OpenQuestion> questions_;
 };
@@ -381,7 +410,10 @@ class MotionUnitChoice {
     if (!stated.empty()) {
       take(position_, false, stated, position_->answered ? "you said so" : "stated");
       doubt_angle();
-      if (rates_.units().is_found) choice_.unit_reason += ", and the velocity agrees";
+      if (rates_.units().is_found) {
+        choice_.unit_reason += rates_.has_offset() ? ", and the velocity agrees but for its offset"
+                                                   : ", and the velocity agrees";
+      }
     } else if (rates_.units().is_found) {
       take(position_, false, rates_.units().position, rates_.units().why);
     } else if (const std::optional<EncoderSteps> steps = encoder_steps(); steps) {

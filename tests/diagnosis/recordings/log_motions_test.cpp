@@ -167,5 +167,39 @@ TEST_F(LogMotions, OtherNumbersHaveNoSignBit) {
   EXPECT_FALSE(find_sign_bit(-bit));
 }
 
+// ---- offsets ------------------------------------------------------------------------------------
+
+TEST_F(LogMotions, AnOffsetOfTheVelocityIsTold) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const auto proposal_of = [&](double offset) {
+    return proposed(
+        {{"time [s]", rows.time},
+         {"angle", mapped(rows.position, [](double q) { return std::round(100 * q) / 100; })},
+         {"speed", mapped(rows.velocity, [&](double v) { return v + offset; })},
+         {"torque [N m]", rows.force}},
+        {"angle=position:rad", "speed=velocity:rad/s"});
+  };
+  const ModelProposal shifted = proposal_of(3.0);
+  EXPECT_TRUE(
+      says(shifted, "'speed' has an offset: where 'angle' stands still it is about 3 rad/s"))
+      << all_of(shifted);
+  EXPECT_EQ(value_of(shifted, "position"),
+            "'angle' in rad; you said so, and the velocity agrees but for its offset");
+  const ModelProposal sound = proposal_of(0.0);
+  EXPECT_FALSE(says(sound, "offset")) << all_of(sound);
+  EXPECT_EQ(value_of(sound, "position"), "'angle' in rad; you said so, and the velocity agrees");
+}
+
+// A machine that turns one way: a velocity that is scaled has no offset.
+TEST_F(LogMotions, AScaledVelocityHasNoOffset) {
+  const Rows rows = rows_of([](double t) { return 0.5 + 0.1 * std::sin(2.0 * t); }, 1000, 0.02);
+  const ModelProposal proposal =
+      proposed({{"time [s]", rows.time},
+                {"angle [rad]", rows.position},
+                {"speed [rad/s]", mapped(rows.velocity, [](double v) { return 1.1 * v; })},
+                {"torque [N m]", rows.force}});
+  EXPECT_FALSE(says(proposal, "offset")) << all_of(proposal);
+}
+
 }  // namespace
 }  // namespace graybox
