@@ -9,6 +9,7 @@
 #include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/quantisation.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/sign_bit.hpp"
 #include "problems/base/units.hpp"
@@ -46,6 +47,20 @@ bool looks_counted(const LogColumn& column) {
   if (column.words.unit_factor != 1.0 || span_of(column) < kFar) return false;
   const Eigen::ArrayXd quarters = kQuarters * without_gaps(column.values).array();
   return (quarters == quarters.round()).all();
+}
+
+// Between neighbours of all values that differ.
+double smallest_step(Eigen::VectorXd values) {
+  constexpr double kSame = 1e-9;  // of the span
+  std::ranges::sort(values);
+  const Eigen::Index n = values.size();
+  const double span = values(n - 1) - values(0);
+  double smallest = span;
+  for (Eigen::Index k = 1; k < n; ++k) {
+    const double step = values(k) - values(k - 1);
+    if (step > kSame * span) smallest = std::min(smallest, step);
+  }
+  return smallest;
 }
 
 // The rms of second differences over the deviation: 2.4 of white noise, 0 of a straight line.
@@ -98,6 +113,7 @@ class RateComparison {
   [[nodiscard]] bool prefers_velocity() {
     constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
+    if (is_velocity_finer()) return true;
     const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
                          holds_counts(*position_) || context_.counts_per_turn.has_value();
     if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
@@ -123,6 +139,31 @@ class RateComparison {
 
  private:
   [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
+
+  // A coarse position beside a velocity in much finer steps, which is its rate within its rounding.
+  // One that is late was filtered, and one with an offset is worse than coarse.
+  [[nodiscard]] bool is_velocity_finer() {
+    constexpr double kMuchFiner = 20.0, kOfDifference = 0.41;  // sqrt(2/12) of a step
+    const bool has_unit = !velocity_->words.unit.empty() || units_.is_found;
+    if (context_.drive == nullptr || !fit_ || !(fit_->factor > 0.0) || !has_unit) return false;
+    if (has_offset_ || units_.contradicts || position_->answered) return false;
+    if (std::abs(fit_->late) > context_.step) return false;
+    const Eigen::VectorXd speed = context_.even.of(velocity_->values);
+    const std::optional<Quantisation> coarse =
+        find_coarse_quantisation(without_gaps(position_->values));
+    if (!coarse || !speed.allFinite()) return false;
+    const double deviation = std::sqrt((speed.array() - speed.mean()).square().mean());
+    const double rate_step = coarse->step / (context_.step * fit_->factor);
+    const double finer = rate_step / smallest_step(without_gaps(velocity_->values));
+    const double rounding = kOfDifference * 0.5 * rate_step / deviation;
+    if (!(finer >= kMuchFiner) || !(fit_->misfit < rounding)) return false;
+    constexpr double kMostSaid = 1000.0;
+    remarks_.push_back(fmt::format(
+        "'{}' goes in steps of {:.3g}, and its rate so in steps at least {:.0f} times "
+        "those of '{}', which agrees",
+        position_->name, coarse->step, std::floor(std::min(finer, kMostSaid)), velocity_->name));
+    return true;
+  }
 
   // A velocity that is the rate but for its sign, which is a bit of its own.
   [[nodiscard]] bool has_sign_bit(const Eigen::VectorXd& place) {
@@ -457,6 +498,8 @@ class MotionUnitChoice {
     const std::string& stated = velocity_->words.unit;
     if (!stated.empty()) {
       take(velocity_, true, stated, velocity_->answered ? "you said so" : "stated");
+    } else if (rates_.units().is_found) {
+      take(velocity_, true, rates_.units().velocity, rates_.units().why);
     } else if (motion() == MotionKind::kRotary && span_of(*velocity_) > kSpeedOpen) {
       ask_unit(velocity_, "velocity", {"rad/s", "rpm", "deg/s"});
       take(velocity_, true, "rad/s", "open");

@@ -190,6 +190,29 @@ TEST_F(LogMotions, AnOffsetOfTheVelocityIsTold) {
   EXPECT_EQ(value_of(sound, "position"), "'angle' in rad; you said so, and the velocity agrees");
 }
 
+// A position of some thirty levels beside a fine velocity; filtered or answered, it is kept.
+TEST_F(LogMotions, ACoarsePositionGivesWayToAFineVelocity) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const Values coarse = mapped(rows.position, [](double q) { return std::round(q / 0.4) * 0.4; });
+  Values late = rows.velocity;
+  for (std::size_t k = late.size() - 1; k >= 8; --k) late[k] = late[k - 8];
+  const auto proposal_of = [&](const Values& position, const Values& velocity,
+                               const std::vector<std::string>& answers) {
+    return proposed({{"time [s]", rows.time},
+                     {"angle [rad]", position},
+                     {"speed [rad/s]", velocity},
+                     {"torque [N m]", rows.force}},
+                    answers);
+  };
+  const ModelProposal fine = proposal_of(coarse, rows.velocity, {});
+  EXPECT_NE(value_of(fine, "velocity"), "") << all_of(fine);
+  EXPECT_TRUE(says(fine, "goes in steps of 0.4, and its rate so in steps at least"));
+  EXPECT_TRUE(says(fine, "is not used"));
+  EXPECT_NE(value_of(proposal_of(coarse, late, {}), "position"), "");
+  EXPECT_NE(value_of(proposal_of(rows.position, rows.velocity, {}), "position"), "");
+  EXPECT_NE(value_of(proposal_of(coarse, rows.velocity, {"angle=position:rad"}), "position"), "");
+}
+
 // A machine that turns one way: a velocity that is scaled has no offset.
 TEST_F(LogMotions, AScaledVelocityHasNoOffset) {
   const Rows rows = rows_of([](double t) { return 0.5 + 0.1 * std::sin(2.0 * t); }, 1000, 0.02);
