@@ -7,11 +7,14 @@
 #include <optional>
 #include <string>
 
+#include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/held_values.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {
@@ -22,6 +25,29 @@ constexpr double kBelow = 0.4;  // of a slower rate
 void pass_below(double sample_time, CampaignDraft& draft) {
   draft.low_pass = std::stod(fmt::format("{:.3g}", kBelow / sample_time));
   draft.low_pass_reason = "before samples are left out";
+}
+
+// The sample time with which the velocity would be the rate of the position, where one is asked for.
+// Without units both are taken for like ones; counts tell nothing.
+void offer_sample_time(const MassMachine& machine, OpenQuestion& question) {
+  constexpr double kSurely = 0.3;  // of the misfit
+  const LogColumn* const place = choose_measured(machine.columns, LogQuantity::kPosition).column;
+  const LogColumn* const speed = choose_measured(machine.columns, LogQuantity::kVelocity).column;
+  if (place == nullptr || speed == nullptr) return;
+  const Unit *const of_place = find_unit(place->words.unit), *const of_speed =
+                                                                 find_unit(speed->words.unit);
+  const Eigen::VectorXd values = without_gaps(place->values);
+  const bool are_stated = of_place != nullptr && of_speed != nullptr &&
+                          place->words.unit != "counts" && speed->words.unit != "1";
+  const bool are_bare = place->words.unit.empty() && speed->words.unit.empty() &&
+                        place->words.odd_unit.empty() && speed->words.odd_unit.empty() &&
+                        (values.array() != values.array().round()).any();
+  if (!are_stated && !are_bare) return;
+  const auto fit = fit_rate(values, without_gaps(speed->values), 1.0);
+  if (!fit || !(fit->factor > 0.0) || !(fit->misfit < kSurely)) return;
+  const double step = are_bare ? fit->factor : fit->factor * of_place->factor / of_speed->factor;
+  question.text += fmt::format(" With {:.3g} s '{}' would be the rate of '{}'{}.", step,
+                               speed->name, place->name, are_bare ? ", in like units" : "");
 }
 
 // Ticks of a clock that were not taken for the time.
@@ -196,6 +222,9 @@ void find_times(MassMachine& machine, CampaignDraft& draft, ModelProposal& propo
   }
   const AnswerChoice counts{"it numbers samples", {fmt::format("{}=ignore", time.column)}};
   propose_time(time, {counts}, proposal);
+  if (time.column.empty() && !(time.sample_time > 0.0)) {
+    offer_sample_time(machine, proposal.questions.back());
+  }
   if (time.column.empty()) doubt_even_rows(machine.log, time.sample_time, proposal);
 }
 

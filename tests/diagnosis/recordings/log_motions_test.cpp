@@ -224,5 +224,22 @@ TEST_F(LogMotions, AScaledVelocityHasNoOffset) {
   EXPECT_FALSE(says(proposal, "offset")) << all_of(proposal);
 }
 
+// ---- logs without a time ------------------------------------------------------------------------
+
+TEST_F(LogMotions, TheQuestionForASampleTimeNamesTheLikelyOne) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const auto proposal_of = [&](const std::string& position, const std::string& velocity,
+                               const Values& speed) {
+    return proposed({{position, rows.position}, {velocity, speed}, {"torque [N m]", rows.force}});
+  };
+  const ModelProposal stated = proposal_of("angle [rad]", "speed [rad/s]", rows.velocity);
+  EXPECT_TRUE(says(stated, "With 0.02 s 'speed")) << all_of(stated);
+  const Values in_degrees = mapped(rows.velocity, [](double v) { return 57.29577951 * v; });
+  EXPECT_TRUE(says(proposal_of("angle [rad]", "speed [deg/s]", in_degrees), "With 0.02 s 'speed"));
+  EXPECT_TRUE(says(proposal_of("angle", "speed", rows.velocity), "', in like units."));
+  const Values other = mapped(rows.time, [](double t) { return std::sin(11.0 * t); });
+  EXPECT_FALSE(says(proposal_of("angle [rad]", "speed [rad/s]", other), "would be the rate"));
+}
+
 }  // namespace
 }  // namespace graybox
