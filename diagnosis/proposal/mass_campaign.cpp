@@ -122,6 +122,16 @@ class MassCampaign {
                                is_stated ? "the goal" : "the goal, in the unit of the position"});
   }
 
+  // What the units of the model then mean.
+  void note_unknown_gain(const std::string& unit) {
+    const char* const meant = machine_.is_linear() ? "m/s^2" : "rad/s^2";
+    proposal_.notes.push_back(
+        fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
+                    "unit, and 1 {} is one {} per {} (--gain states another)",
+                    machine_.drive->name, machine_.force_unit(), unit,
+                    machine_.is_linear() ? "kg" : "kg m^2", unit, meant));
+  }
+
   void add_drive_channel() {
     if (machine_.request.no_drive && machine_.drive == nullptr) return add_no_drive();
     if (machine_.has_goal()) return;
@@ -154,10 +164,7 @@ class MassCampaign {
       if (!machine_.request.gain) {
         comment = fmt::format("1 {} stands for one recorded unit: its gain is not known",
                               machine_.force_unit());
-        proposal_.notes.push_back(
-            fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
-                        "unit (--gain states another)",
-                        machine_.drive->name, machine_.force_unit(), unit == "1" ? "of it" : unit));
+        note_unknown_gain(unit == "1" ? "of it" : unit);
       }
     }
     // What is asked about it, as its unit: no command reads the file until that is answered.

@@ -241,5 +241,19 @@ TEST_F(LogMotions, TheQuestionForASampleTimeNamesTheLikelyOne) {
   EXPECT_FALSE(says(proposal_of("angle [rad]", "speed [rad/s]", other), "would be the rate"));
 }
 
+// ---- units --------------------------------------------------------------------------------------
+
+TEST_F(LogMotions, ADriveOfUnknownGainSaysWhatItsUnitsMean) {
+  const Rows rows = rows_of(two_sines, 600, 0.02);
+  const auto notes_with = [&](const std::string& position, const std::string& drive) {
+    return notes_of(
+        proposed({{"time [s]", rows.time}, {position, rows.position}, {drive, rows.force}}));
+  };
+  EXPECT_NE(notes_with("position [m]", "current [mA]").find("and 1 kg is one mA per m/s^2"),
+            std::string::npos);
+  EXPECT_NE(notes_with("angle [rad]", "current").find("and 1 kg m^2 is one of it per rad/s^2"),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace graybox
