@@ -18,6 +18,16 @@ namespace {
 
 using Columns = std::vector<const LogColumn*>;
 
+// What the units of the model then mean.
+std::string words_of_unknown_gain(const MassMachine& machine, const std::string& unit) {
+  const bool is_linear = machine.is_linear();
+  return fmt::format(
+      "'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that unit, and 1 {} is "
+      "one {} per {} (--gain states another)",
+      machine.drive->name, machine.force_unit(), unit, is_linear ? "kg" : "kg m^2", unit,
+      is_linear ? "m/s^2" : "rad/s^2");
+}
+
 class MassCampaign {
  public:
   MassCampaign(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal)
@@ -122,16 +132,6 @@ class MassCampaign {
                                is_stated ? "the goal" : "the goal, in the unit of the position"});
   }
 
-  // What the units of the model then mean.
-  void note_unknown_gain(const std::string& unit) {
-    const char* const meant = machine_.is_linear() ? "m/s^2" : "rad/s^2";
-    proposal_.notes.push_back(
-        fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
-                    "unit, and 1 {} is one {} per {} (--gain states another)",
-                    machine_.drive->name, machine_.force_unit(), unit,
-                    machine_.is_linear() ? "kg" : "kg m^2", unit, meant));
-  }
-
   void add_drive_channel() {
     if (machine_.request.no_drive && machine_.drive == nullptr) return add_no_drive();
     if (machine_.has_goal()) return;
@@ -164,7 +164,7 @@ class MassCampaign {
       if (!machine_.request.gain) {
         comment = fmt::format("1 {} stands for one recorded unit: its gain is not known",
                               machine_.force_unit());
-        note_unknown_gain(unit == "1" ? "of it" : unit);
+        proposal_.notes.push_back(words_of_unknown_gain(machine_, unit == "1" ? "of it" : unit));
       }
     }
     // What is asked about it, as its unit: no command reads the file until that is answered.

@@ -27,8 +27,8 @@ void pass_below(double sample_time, CampaignDraft& draft) {
   draft.low_pass_reason = "before samples are left out";
 }
 
-// The sample time with which the velocity would be the rate of the position, where one is asked for.
-// Without units both are taken for like ones; counts tell nothing.
+// The sample time with which the velocity would be the rate of the position, where one is asked
+// for. Without units both are taken for like ones; counts tell nothing.
 void offer_sample_time(const MassMachine& machine, OpenQuestion& question) {
   constexpr double kSurely = 0.3;  // of the misfit
   const LogColumn* const place = choose_measured(machine.columns, LogQuantity::kPosition).column;
