@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "diagnosis/log_columns/log_recordings.hpp"
-#include "diagnosis/signal_faults/sign_bit.hpp"
+#include "diagnosis/log_columns/sign_bit.hpp"
 
 namespace graybox {
 

@@ -7,11 +7,11 @@
 #include <numbers>
 
 #include "diagnosis/log_columns/encoder_steps.hpp"
+#include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/quantisation.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
-#include "diagnosis/signal_faults/sign_bit.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {

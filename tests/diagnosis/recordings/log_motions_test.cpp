@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/proposal.hpp"
-#include "diagnosis/signal_faults/sign_bit.hpp"
 #include "tests/support/proposal_words.hpp"
 #include "tests/support/temporary_folder.hpp"
 

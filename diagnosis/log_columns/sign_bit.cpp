@@ -1,4 +1,4 @@
-#include "diagnosis/signal_faults/sign_bit.hpp"
+#include "diagnosis/log_columns/sign_bit.hpp"
 
 #include <fmt/format.h>
 
