@@ -169,6 +169,12 @@ bool is_doubtful(const DriveManner& manner) {
 }
 
 std::string doubt_of(const LogColumn& drive, const DriveManner& manner) {
+  if (manner.sign_bit) {
+    return fmt::format(
+        "'{}' jumps as a number does that has {}: it is taken as recorded, and wrong; write {} "
+        "(no preprocess does it)",
+        drive.name, manner.sign_bit->words(), manner.sign_bit->mend());
+  }
   const char* never = manner.has_one_sign ? "never" : "hardly ever";
   if (manner.lost_sign) {
     return fmt::format(

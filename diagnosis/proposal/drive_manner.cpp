@@ -156,6 +156,10 @@ DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecordi
   manner.has_nearly_one_sign = extent.has_nearly_one_sign() && (both_ways || joined.go_both_ways());
   manner.lost_sign = (manner.lost_sign && extent.has_one_sign()) ||
                      (manner.has_nearly_one_sign && joined.have_lost_sign());
+  if (both_ways || joined.go_both_ways()) {
+    manner.sign_bit = find_sign_bit(without_gaps(drive.values) / drive.words.unit_factor);
+  }
+  if (manner.sign_bit) manner.has_one_sign = manner.has_nearly_one_sign = manner.lost_sign = false;
   return manner;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/log_columns/log_recordings.hpp"
+#include "diagnosis/log_columns/sign_bit.hpp"
 
 namespace graybox {
 
@@ -19,7 +20,9 @@ struct DriveManner {
   bool has_nearly_one_sign = false;
   bool hardly_moves = false;  // one sign, a variation below a tenth, and on at both ends
   bool lost_sign = false;     // its size follows the motion of either way (lost_sign.hpp)
-  double follows = 0.0;       // largest correlation with position, speed or acceleration
+  // Its sign is a bit of its own: then nothing is said of its one sign.
+  std::optional<SignBit> sign_bit = {};
+  double follows = 0.0;  // largest correlation with position, speed or acceleration
 };
 
 // Over all recordings, beside the measured positions and velocities that move.

@@ -18,6 +18,16 @@ namespace {
 
 using Columns = std::vector<const LogColumn*>;
 
+// What the units of the model then mean.
+std::string words_of_unknown_gain(const MassMachine& machine, const std::string& unit) {
+  const bool is_linear = machine.is_linear();
+  return fmt::format(
+      "'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that unit, and 1 {} is "
+      "one {} per {} (--gain states another)",
+      machine.drive->name, machine.force_unit(), unit, is_linear ? "kg" : "kg m^2", unit,
+      is_linear ? "m/s^2" : "rad/s^2");
+}
+
 class MassCampaign {
  public:
   MassCampaign(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal)
@@ -154,10 +164,7 @@ class MassCampaign {
       if (!machine_.request.gain) {
         comment = fmt::format("1 {} stands for one recorded unit: its gain is not known",
                               machine_.force_unit());
-        proposal_.notes.push_back(
-            fmt::format("'{}' is taken as it is, 1 {} for one {}: masses and laws come out in that "
-                        "unit (--gain states another)",
-                        machine_.drive->name, machine_.force_unit(), unit == "1" ? "of it" : unit));
+        proposal_.notes.push_back(words_of_unknown_gain(machine_, unit == "1" ? "of it" : unit));
       }
     }
     // What is asked about it, as its unit: no command reads the file until that is answered.

@@ -81,8 +81,9 @@ class MotionSearch {
                                    ? words.written
                                    : fmt::format("{:g} {}", words.unit_factor, choice.unit);
       add_guess(proposal_, what, fmt::format("'{}' in {}", choice.column->name, unit),
-                choice.reason == choice.unit_reason ? choice.reason
-                                                    : choice.reason + "; " + choice.unit_reason);
+                choice.unit_reason.starts_with(choice.reason)
+                    ? choice.unit_reason
+                    : choice.reason + "; " + choice.unit_reason);
     }
     require_unit_of_the_motion(choice);
     machine_.sides.push_back(side);

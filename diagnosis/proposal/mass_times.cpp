@@ -7,8 +7,14 @@
 #include <optional>
 #include <string>
 
+#include "diagnosis/log_columns/column_rates.hpp"
+#include "diagnosis/proposal/column_choice.hpp"
+#include "diagnosis/proposal/drive_manner.hpp"
+#include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/arrival_times.hpp"
 #include "diagnosis/signal_faults/held_values.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {
@@ -19,6 +25,29 @@ constexpr double kBelow = 0.4;  // of a slower rate
 void pass_below(double sample_time, CampaignDraft& draft) {
   draft.low_pass = std::stod(fmt::format("{:.3g}", kBelow / sample_time));
   draft.low_pass_reason = "before samples are left out";
+}
+
+// The sample time with which the velocity would be the rate of the position, where one is asked
+// for. Without units both are taken for like ones; counts tell nothing.
+void offer_sample_time(const MassMachine& machine, OpenQuestion& question) {
+  constexpr double kSurely = 0.3;  // of the misfit
+  const LogColumn* const place = choose_measured(machine.columns, LogQuantity::kPosition).column;
+  const LogColumn* const speed = choose_measured(machine.columns, LogQuantity::kVelocity).column;
+  if (place == nullptr || speed == nullptr) return;
+  const Unit *const of_place = find_unit(place->words.unit), *const of_speed =
+                                                                 find_unit(speed->words.unit);
+  const Eigen::VectorXd values = without_gaps(place->values);
+  const bool are_stated = of_place != nullptr && of_speed != nullptr &&
+                          place->words.unit != "counts" && speed->words.unit != "1";
+  const bool are_bare = place->words.unit.empty() && speed->words.unit.empty() &&
+                        place->words.odd_unit.empty() && speed->words.odd_unit.empty() &&
+                        (values.array() != values.array().round()).any();
+  if (!are_stated && !are_bare) return;
+  const auto fit = fit_rate(values, without_gaps(speed->values), 1.0);
+  if (!fit || !(fit->factor > 0.0) || !(fit->misfit < kSurely)) return;
+  const double step = are_bare ? fit->factor : fit->factor * of_place->factor / of_speed->factor;
+  question.text += fmt::format(" With {:.3g} s '{}' would be the rate of '{}'{}.", step,
+                               speed->name, place->name, are_bare ? ", in like units" : "");
 }
 
 // Ticks of a clock that were not taken for the time.
@@ -96,6 +125,42 @@ void note_held_drive(const MassMachine& machine, const LogTime& time, ModelPropo
       rounded_step(static_cast<double>(held->samples) * time.sample_time), time.sample_time));
 }
 
+double rms(const Eigen::VectorXd& values) {
+  return std::sqrt(values.squaredNorm() /
+                   static_cast<double>(std::max<Eigen::Index>(1, values.size())));
+}
+
+// Whether a motion follows the drive, so that its rows tell what acts between them.
+bool is_followed(const MassMachine& machine, const Eigen::VectorXd& drive) {
+  constexpr double kFollows = 0.5;  // correlation
+  if (manner_of_drive(*machine.drive, machine.recordings).follows > kFollows) return true;
+  return std::ranges::any_of(machine.motions, [&](const MotionChoice& motion) {
+    if (motion.column == nullptr || motion.column->values.size() != drive.size()) return false;
+    const Eigen::VectorXd moved = without_gaps(motion.column->values);
+    return std::abs(follows_at_once(drive, moved, motion.is_velocity)) > kFollows;
+  });
+}
+
+// A drive as white as noise, which changes between its rows, too. Held for several rows, or in few
+// levels, it is a command; a command that the motion follows was held for its row.
+void note_fast_drive(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
+  constexpr double kOwnSize = 1.0;  // white noise: 1.41, held for n rows 1.41/sqrt(n)
+  constexpr Eigen::Index kFewest = 50;
+  if (machine.drive == nullptr || machine.has_goal() || time.every > 1) return;
+  const Eigen::VectorXd drive = without_gaps(machine.drive->values);
+  if (drive.size() < kFewest || !drive.allFinite() || has_few_levels(drive)) return;
+  const double change = rms(steps_of(drive)), size = rms(drive);
+  if (!(change >= kOwnSize * size) || find_held_values(drive)) return;
+  const ColumnWords& words = machine.drive->words;
+  const bool is_measured = words.quantity == LogQuantity::kCurrent || words.is_measured;
+  if (!is_measured && is_followed(machine, drive)) return;
+  proposal.notes.push_back(fmt::format(
+      "'{}' changes by its own size from row to row ({:.2g} times its rms): it may change faster "
+      "than it was logged. Unless each of its values was held for a whole row, what drives between "
+      "them is not known, and this recording can't tell the machine: log it faster",
+      machine.drive->name, change / size));
+}
+
 // The mean step of a log by the clock of the first one, s; 0: it has no such clock.
 double step_by_clock(const LogRecording& log, const LogTime& time, bool& is_even) {
   const auto clock = std::ranges::find_if(log.columns, [&](const LogColumn& column) {
@@ -157,6 +222,9 @@ void find_times(MassMachine& machine, CampaignDraft& draft, ModelProposal& propo
   }
   const AnswerChoice counts{"it numbers samples", {fmt::format("{}=ignore", time.column)}};
   propose_time(time, {counts}, proposal);
+  if (time.column.empty() && !(time.sample_time > 0.0)) {
+    offer_sample_time(machine, proposal.questions.back());
+  }
   if (time.column.empty()) doubt_even_rows(machine.log, time.sample_time, proposal);
 }
 
@@ -165,6 +233,7 @@ void take_held_values(MassMachine& machine, CampaignDraft& draft, ModelProposal&
   hold_as_measured(machine, draft);
   take_held_motion(machine, draft, proposal);
   note_held_drive(machine, draft.time, proposal);
+  note_fast_drive(machine, draft.time, proposal);
 }
 
 Eigen::Index first_of_held(const MassMachine& machine, const LogTime& time,

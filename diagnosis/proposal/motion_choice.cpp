@@ -7,8 +7,11 @@
 #include <numbers>
 
 #include "diagnosis/log_columns/encoder_steps.hpp"
+#include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/quantisation.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "problems/base/units.hpp"
 
 namespace graybox {
@@ -44,6 +47,20 @@ bool looks_counted(const LogColumn& column) {
   if (column.words.unit_factor != 1.0 || span_of(column) < kFar) return false;
   const Eigen::ArrayXd quarters = kQuarters * without_gaps(column.values).array();
   return (quarters == quarters.round()).all();
+}
+
+// Between neighbours of all values that differ.
+double smallest_step(Eigen::VectorXd values) {
+  constexpr double kSame = 1e-9;  // of the span
+  std::ranges::sort(values);
+  const Eigen::Index n = values.size();
+  const double span = values(n - 1) - values(0);
+  double smallest = span;
+  for (Eigen::Index k = 1; k < n; ++k) {
+    const double step = values(k) - values(k - 1);
+    if (step > kSame * span) smallest = std::min(smallest, step);
+  }
+  return smallest;
 }
 
 // The rms of second differences over the deviation: 2.4 of white noise, 0 of a straight line.
@@ -85,6 +102,7 @@ class RateComparison {
 
   [[nodiscard]] const std::optional<RateFit>& fit() const { return fit_; }
   [[nodiscard]] const MotionUnits& units() const { return units_; }
+  [[nodiscard]] bool has_offset() const { return has_offset_; }
   // How position and velocity agree.
   [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
   [[nodiscard]] const std::vector<std::string>& notes() const { return notes_; }
@@ -95,6 +113,7 @@ class RateComparison {
   [[nodiscard]] bool prefers_velocity() {
     constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
+    if (is_velocity_finer()) return true;
     const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
                          holds_counts(*position_) || context_.counts_per_turn.has_value();
     if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
@@ -108,14 +127,72 @@ class RateComparison {
     return true;
   }
 
+  // A velocity that is not the rate of the position, and rougher than that: the position is right.
+  [[nodiscard]] bool doubts_velocity() const {
+    if (!is_no_rate_ || has_sign_bit_) return has_sign_bit_;
+    const Eigen::VectorXd place = context_.even.of(position_->values),
+                          speed = context_.even.of(velocity_->values);
+    if (!place.allFinite() || !speed.allFinite()) return false;
+    return roughness(speed) >
+           roughness(place.tail(place.size() - 2) - place.head(place.size() - 2));
+  }
+
  private:
   [[nodiscard]] MotionKind motion() const { return motion_of(position_, velocity_, context_); }
+
+  // A coarse position beside a velocity in much finer steps, which is its rate within its rounding.
+  // One that is late was filtered, and one with an offset is worse than coarse.
+  [[nodiscard]] bool is_velocity_finer() {
+    constexpr double kMuchFiner = 20.0, kOfDifference = 0.41;  // sqrt(2/12) of a step
+    const bool has_unit = !velocity_->words.unit.empty() || units_.is_found;
+    if (context_.drive == nullptr || !fit_ || !(fit_->factor > 0.0) || !has_unit) return false;
+    if (has_offset_ || units_.contradicts || position_->answered) return false;
+    if (std::abs(fit_->late) > context_.step) return false;
+    const Eigen::VectorXd speed = context_.even.of(velocity_->values);
+    const std::optional<Quantisation> coarse =
+        find_coarse_quantisation(without_gaps(position_->values));
+    if (!coarse || !speed.allFinite()) return false;
+    const double deviation = std::sqrt((speed.array() - speed.mean()).square().mean());
+    const double rate_step = coarse->step / (context_.step * fit_->factor);
+    const double finer = rate_step / smallest_step(without_gaps(velocity_->values));
+    const double rounding = kOfDifference * 0.5 * rate_step / deviation;
+    if (!(finer >= kMuchFiner) || !(fit_->misfit < rounding)) return false;
+    constexpr double kMostSaid = 1000.0;
+    remarks_.push_back(fmt::format(
+        "'{}' goes in steps of {:.3g}, and its rate so in steps at least {:.0f} times "
+        "those of '{}', which agrees",
+        position_->name, coarse->step, std::floor(std::min(finer, kMostSaid)), velocity_->name));
+    return true;
+  }
+
+  // A velocity that is the rate but for its sign, which is a bit of its own.
+  [[nodiscard]] bool has_sign_bit(const Eigen::VectorXd& place) {
+    constexpr double kSurely = 0.3, kClearly = 0.5;  // of the misfit
+    const double unit = velocity_->words.unit_factor;
+    const std::optional<SignBit> sign = find_sign_bit(without_gaps(velocity_->values) / unit);
+    if (!sign) return false;
+    const Eigen::VectorXd speed = sign->signed_of(context_.even.of(velocity_->values) / unit);
+    const std::optional<RateFit> fit = fit_rate(place, speed, context_.step);
+    if (!fit || !(fit->misfit < kSurely)) return false;
+    if (fit_ && !(fit->misfit < kClearly * fit_->misfit)) return false;
+    notes_.push_back(
+        fmt::format("'{}' would be the rate of '{}' with {}: write {} (no preprocess does it)",
+                    velocity_->name, position_->name, sign->words(), sign->mend()));
+    return true;
+  }
 
   // Is the velocity the rate of the position, and in which units?
   void compare() {
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return;
     const auto [smooth, wrapped] = without_wraps(position_->values, turn_in(position_->words.unit));
     fit_ = fit_rate(context_.even.of(smooth), context_.even.of(velocity_->values), context_.step);
+    if (has_sign_bit(context_.even.of(smooth))) {
+      fit_.reset();
+      is_no_rate_ = has_sign_bit_ = true;
+      remarks_.push_back(
+          fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
+      return;
+    }
     if (!fit_) return compare_means(context_.even.of(smooth));
     if (std::abs(fit_->late) > std::max(kLate, 2.0 * context_.step)) {
       remarks_.push_back(fmt::format("'{}' is {} than the rate of '{}' by {:.3g} s",
@@ -126,6 +203,7 @@ class RateComparison {
       notes_.push_back(fmt::format("'{}' has the opposite sign of the rate of '{}'",
                                    velocity_->name, position_->name));
     }
+    find_offset(context_.even.of(smooth));
     if (is_counted(*position_)) return;
     units_ = units_by_rate(fit_->factor, position_->words.unit, velocity_->words.unit, motion());
     note_factor();
@@ -152,6 +230,32 @@ class RateComparison {
                                    velocity_->name));
   }
 
+  // A velocity that is not zero where the position stands: by the way over the time, which noise
+  // does not reach, and by the median of what is left, which jumps of the position do not.
+  void find_offset(const Eigen::VectorXd& place) {
+    constexpr double kWorth = 0.1, kAlike = 2.0;
+    const Eigen::Index n = place.size() - 2;
+    const Eigen::ArrayXd speed = context_.even.of(velocity_->values).segment(1, n).array();
+    const Eigen::ArrayXd rate =
+        (place.tail(n) - place.head(n)).array() / (2.0 * context_.step * fit_->factor);
+    const Eigen::ArrayXd left = speed - rate;
+    const double mean = left.mean(), median = quantile(left.matrix(), 0.5);
+    const double deviation = std::sqrt((speed - speed.mean()).square().mean());
+    // A factor that is not quite right leaves its share of the mean rate.
+    const double by_factor = std::max(kWorth, fit_->misfit * fit_->misfit) * std::abs(rate.mean());
+    if (!(std::abs(mean) > kWorth * deviation + by_factor)) return;
+    if (!(median * mean > 0.0) || std::abs(median) > kAlike * std::abs(mean) ||
+        std::abs(mean) > kAlike * std::abs(median)) {
+      return;
+    }
+    has_offset_ = true;
+    const std::string& unit = velocity_->words.unit;
+    notes_.push_back(fmt::format(
+        "'{}' has an offset: where '{}' stands still it is about {:.2g}{}, {:.2g} of its deviation",
+        velocity_->name, position_->name, median, unit.empty() ? "" : " " + unit,
+        std::abs(median) / deviation));
+  }
+
   // Noise, jitter of the stamps and a small lateness leave only the mean of a speed that hardly
   // changes. Where the way over the time is the mean velocity, nothing contradicts.
   void compare_means(const Eigen::VectorXd& place) {
@@ -168,6 +272,7 @@ class RateComparison {
       if (units_.is_found && factor > 0.0) return;
       units_ = {};
     }
+    is_no_rate_ = true;
     remarks_.push_back(
         fmt::format("'{}' is not the rate of '{}'", velocity_->name, position_->name));
   }
@@ -272,6 +377,7 @@ class RateComparison {
   const MotionContext& context_;
   std::optional<RateFit> fit_;
   MotionUnits units_;
+  bool is_no_rate_ = false, has_sign_bit_ = false, has_offset_ = false;
   std::vector<std::string> remarks_, notes_;
   std::vector<OpenQuestion> questions_;
 };
@@ -345,7 +451,10 @@ class MotionUnitChoice {
     if (!stated.empty()) {
       take(position_, false, stated, position_->answered ? "you said so" : "stated");
       doubt_angle();
-      if (rates_.units().is_found) choice_.unit_reason += ", and the velocity agrees";
+      if (rates_.units().is_found) {
+        choice_.unit_reason += rates_.has_offset() ? ", and the velocity agrees but for its offset"
+                                                   : ", and the velocity agrees";
+      }
     } else if (rates_.units().is_found) {
       take(position_, false, rates_.units().position, rates_.units().why);
     } else if (const std::optional<EncoderSteps> steps = encoder_steps(); steps) {
@@ -389,6 +498,8 @@ class MotionUnitChoice {
     const std::string& stated = velocity_->words.unit;
     if (!stated.empty()) {
       take(velocity_, true, stated, velocity_->answered ? "you said so" : "stated");
+    } else if (rates_.units().is_found) {
+      take(velocity_, true, rates_.units().velocity, rates_.units().why);
     } else if (motion() == MotionKind::kRotary && span_of(*velocity_) > kSpeedOpen) {
       ask_unit(velocity_, "velocity", {"rad/s", "rpm", "deg/s"});
       take(velocity_, true, "rad/s", "open");
@@ -415,7 +526,7 @@ class MotionUnitChoice {
   // Steps along a line: how long one is the velocity says, or the user.
   void take_linear_counts() {
     const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && rates_.fit();
-    if (velocity_ != nullptr && !has_speed) return take_velocity();
+    if (velocity_ != nullptr && !has_speed && !rates_.doubts_velocity()) return take_velocity();
     if (has_speed) {
       choice_.factor = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       const double length = choice_.factor;
@@ -445,7 +556,7 @@ class MotionUnitChoice {
       count = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
       why = fmt::format("{:.4g} counts a turn, from '{}'", kTurn / count, velocity_->name);
     }
-    if (count == 0.0 && velocity_ != nullptr) {
+    if (count == 0.0 && velocity_ != nullptr && !rates_.doubts_velocity()) {
       choice_.notes.push_back(
           fmt::format("'{}' counts steps of unknown size: '{}' is used (or say --counts-per-turn)",
                       position_->name, velocity_->name));

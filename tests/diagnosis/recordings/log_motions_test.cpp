@@ -1,0 +1,259 @@
+// What `graybox model` says of a position beside its velocity, and of a drive that changes between
+// the rows: signs in a bit of their own, offsets, coarse positions. All logs are simulated here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "diagnosis/log_columns/sign_bit.hpp"
+#include "diagnosis/proposal/proposal.hpp"
+#include "tests/support/proposal_words.hpp"
+#include "tests/support/temporary_folder.hpp"
+
+namespace graybox {
+namespace {
+
+using Values = std::vector<double>;
+using Column = std::pair<std::string, Values>;
+
+struct Rows {
+  Values time, position, velocity, force;
+};
+
+// J v' = u - b v - c sign(v), with u(t) held for a fine step; every `thin` of these is a row.
+Rows rows_of(const std::function<double(double)>& force, int rows, double step, int thin = 1) {
+  constexpr double kInertia = 0.02, kDamping = 0.05, kDry = 0.05;
+  constexpr int kSteps = 20;
+  Rows result;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < rows * thin; ++k) {
+    const double t = step * k / thin, u = force(t);
+    if (k % thin == 0) {
+      result.time.push_back(t);
+      result.position.push_back(q);
+      result.velocity.push_back(v);
+      result.force.push_back(u);
+    }
+    for (int s = 0; s < kSteps; ++s) {
+      v += (u - kDamping * v - kDry * std::tanh(v / 0.01)) / kInertia * step / thin / kSteps;
+      q += v * step / thin / kSteps;
+    }
+  }
+  return result;
+}
+
+double two_sines(double t) { return 0.6 * std::sin(2.0 * t) + 0.3 * std::sin(5.1 * t + 1.0); }
+
+Values mapped(const Values& values, const std::function<double(double)>& change) {
+  Values result;
+  for (const double value : values) result.push_back(change(value));
+  return result;
+}
+
+class LogMotions : public ::testing::Test, protected testing::ProposalWords {
+ protected:
+  ModelProposal proposed(const std::vector<Column>& columns,
+                         const std::vector<std::string>& answers = {},
+                         ProposalRequest request = {}) {
+    std::string text;
+    for (const Column& column : columns) text += (text.empty() ? "" : ",") + column.first;
+    text += "\n";
+    for (std::size_t k = 0; k < columns.front().second.size(); ++k) {
+      for (std::size_t c = 0; c < columns.size(); ++c) {
+        text += fmt::format("{}{:.9g}", c == 0 ? "" : ",", columns[c].second[k]);
+      }
+      text += "\n";
+    }
+    testing::write_text(folder_.file("log.csv"), text);
+    request.machine = ProposedMachine::kOneMass;
+    request.logs = {folder_.file("log.csv")};
+    request.folder = folder_.file("axis");
+    for (const std::string& each : answers) request.columns.push_back(column_answer(each));
+    return propose_model(request);
+  }
+
+  testing::TemporaryFolder folder_;
+};
+
+// ---- drives that change between the rows --------------------------------------------------------
+
+// Noise that changes eight times a row, and the same held for its row, which the motion follows.
+TEST_F(LogMotions, ADriveFasterThanItsRowsIsTold) {
+  const auto proposal_of = [&](int thin, const std::string& title) {
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> noise(0.0, 1.0);
+    const Rows rows = rows_of([&](double) { return noise(random); }, 600, 0.01, thin);
+    return proposed({{"time [s]", rows.time}, {"angle [rad]", rows.position}, {title, rows.force}});
+  };
+  const std::string words = "changes by its own size from row to row (1.4 times its rms)";
+  const ModelProposal fast = proposal_of(8, "voltage [V]");
+  EXPECT_TRUE(says(fast, "'voltage [V]' " + words) || says(fast, "'voltage' " + words))
+      << all_of(fast);
+  EXPECT_TRUE(says(fast, "log it faster"));
+  const ModelProposal held = proposal_of(1, "voltage [V]");
+  EXPECT_FALSE(says(held, "changes by its own size")) << all_of(held);
+  EXPECT_TRUE(says(proposal_of(1, "current [A]"), words));
+}
+
+// Ordinary drives: sines, steps of any size that are held for five rows, and two levels.
+TEST_F(LogMotions, ADriveThatKeepsUpWithItsRowsIsNotDoubted) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  double value = 0.0;
+  int row = 0;
+  const auto held = [&](double) {
+    if (row++ % 5 == 0) value = noise(random);
+    return value;
+  };
+  const auto levels = [&](double) { return noise(random) > 0.0 ? 1.0 : -1.0; };
+  const std::vector<std::function<double(double)>> forces{two_sines, held, levels};
+  for (const std::function<double(double)>& force : forces) {
+    const Rows rows = rows_of(force, 600, 0.01);
+    const ModelProposal proposal = proposed(
+        {{"time [s]", rows.time}, {"angle [rad]", rows.position}, {"current [A]", rows.force}});
+    EXPECT_FALSE(says(proposal, "changes by its own size")) << all_of(proposal);
+  }
+}
+
+// ---- a sign in a bit of its own -----------------------------------------------------------------
+
+double in_magnitude(double value, int bit) {
+  const double whole = std::round(value);
+  return whole < 0.0 ? std::ldexp(1.0, bit) - whole : whole;
+}
+
+// A servo's telemetry: counts, their rate with its sign in bit 15, the effort with that in bit 10.
+TEST_F(LogMotions, ASignBitIsNoticed) {
+  constexpr double kCount = 650.0;  // a radian
+  const Rows rows = rows_of(two_sines, 600, 0.05);
+  const ModelProposal proposal = proposed(
+      {{"time [s]", rows.time},
+       {"pos", mapped(rows.position, [](double q) { return std::round(kCount * q); })},
+       {"speed", mapped(rows.velocity, [](double v) { return in_magnitude(kCount * v, 15); })},
+       {"load", mapped(rows.force, [](double u) { return in_magnitude(400.0 * u, 10); })}});
+  EXPECT_TRUE(says(proposal, "'speed' would be the rate of 'pos' with bit 15 as its sign"))
+      << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "write 32768 - x for each x from 32768 on"));
+  EXPECT_TRUE(says(proposal, "How many counts of 'pos' are a turn?")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "'speed' is not the rate of 'pos': it is not used"));
+  EXPECT_TRUE(says(proposal, "'load' jumps as a number does that has bit 10 as its sign"));
+  EXPECT_FALSE(says(proposal, "its sign while the axis moves both ways")) << all_of(proposal);
+}
+
+// Magnitudes with a sign, numbers above 2^10 without jumps, and a two's complement.
+TEST_F(LogMotions, OtherNumbersHaveNoSignBit) {
+  constexpr int kSamples = 400;
+  Eigen::VectorXd bit(kSamples), smooth(kSamples), complement(kSamples);
+  for (int k = 0; k < kSamples; ++k) {
+    const double value = 300.0 * std::sin(0.1 * k);
+    bit(k) = in_magnitude(value, 10);
+    smooth(k) = std::round(1000.0 + value);
+    complement(k) = std::round(value) + (std::round(value) < 0.0 ? 65536.0 : 0.0);
+  }
+  const auto found = find_sign_bit(bit);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->bit, 10);
+  EXPECT_DOUBLE_EQ(found->signed_of(1100.0), -76.0);
+  EXPECT_DOUBLE_EQ(found->signed_of(76.0), 76.0);
+  EXPECT_FALSE(find_sign_bit(smooth));
+  EXPECT_FALSE(find_sign_bit(complement));
+  EXPECT_FALSE(find_sign_bit(-bit));
+}
+
+// ---- offsets ------------------------------------------------------------------------------------
+
+TEST_F(LogMotions, AnOffsetOfTheVelocityIsTold) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const auto proposal_of = [&](double offset) {
+    return proposed(
+        {{"time [s]", rows.time},
+         {"angle", mapped(rows.position, [](double q) { return std::round(100 * q) / 100; })},
+         {"speed", mapped(rows.velocity, [&](double v) { return v + offset; })},
+         {"torque [N m]", rows.force}},
+        {"angle=position:rad", "speed=velocity:rad/s"});
+  };
+  const ModelProposal shifted = proposal_of(3.0);
+  EXPECT_TRUE(
+      says(shifted, "'speed' has an offset: where 'angle' stands still it is about 3 rad/s"))
+      << all_of(shifted);
+  EXPECT_EQ(value_of(shifted, "position"),
+            "'angle' in rad; you said so, and the velocity agrees but for its offset");
+  const ModelProposal sound = proposal_of(0.0);
+  EXPECT_FALSE(says(sound, "offset")) << all_of(sound);
+  EXPECT_EQ(value_of(sound, "position"), "'angle' in rad; you said so, and the velocity agrees");
+}
+
+// A position of some thirty levels beside a fine velocity; filtered or answered, it is kept.
+TEST_F(LogMotions, ACoarsePositionGivesWayToAFineVelocity) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const Values coarse = mapped(rows.position, [](double q) { return std::round(q / 0.4) * 0.4; });
+  Values late = rows.velocity;
+  for (std::size_t k = late.size() - 1; k >= 8; --k) late[k] = late[k - 8];
+  const auto proposal_of = [&](const Values& position, const Values& velocity,
+                               const std::vector<std::string>& answers) {
+    return proposed({{"time [s]", rows.time},
+                     {"angle [rad]", position},
+                     {"speed [rad/s]", velocity},
+                     {"torque [N m]", rows.force}},
+                    answers);
+  };
+  const ModelProposal fine = proposal_of(coarse, rows.velocity, {});
+  EXPECT_NE(value_of(fine, "velocity"), "") << all_of(fine);
+  EXPECT_TRUE(says(fine, "goes in steps of 0.4, and its rate so in steps at least"));
+  EXPECT_TRUE(says(fine, "is not used"));
+  EXPECT_NE(value_of(proposal_of(coarse, late, {}), "position"), "");
+  EXPECT_NE(value_of(proposal_of(rows.position, rows.velocity, {}), "position"), "");
+  EXPECT_NE(value_of(proposal_of(coarse, rows.velocity, {"angle=position:rad"}), "position"), "");
+}
+
+// A machine that turns one way: a velocity that is scaled has no offset.
+TEST_F(LogMotions, AScaledVelocityHasNoOffset) {
+  const Rows rows = rows_of([](double t) { return 0.5 + 0.1 * std::sin(2.0 * t); }, 1000, 0.02);
+  const ModelProposal proposal =
+      proposed({{"time [s]", rows.time},
+                {"angle [rad]", rows.position},
+                {"speed [rad/s]", mapped(rows.velocity, [](double v) { return 1.1 * v; })},
+                {"torque [N m]", rows.force}});
+  EXPECT_FALSE(says(proposal, "offset")) << all_of(proposal);
+}
+
+// ---- logs without a time ------------------------------------------------------------------------
+
+TEST_F(LogMotions, TheQuestionForASampleTimeNamesTheLikelyOne) {
+  const Rows rows = rows_of(two_sines, 1000, 0.02);
+  const auto proposal_of = [&](const std::string& position, const std::string& velocity,
+                               const Values& speed) {
+    return proposed({{position, rows.position}, {velocity, speed}, {"torque [N m]", rows.force}});
+  };
+  const ModelProposal stated = proposal_of("angle [rad]", "speed [rad/s]", rows.velocity);
+  EXPECT_TRUE(says(stated, "With 0.02 s 'speed")) << all_of(stated);
+  const Values in_degrees = mapped(rows.velocity, [](double v) { return 57.29577951 * v; });
+  EXPECT_TRUE(says(proposal_of("angle [rad]", "speed [deg/s]", in_degrees), "With 0.02 s 'speed"));
+  EXPECT_TRUE(says(proposal_of("angle", "speed", rows.velocity), "', in like units."));
+  const Values other = mapped(rows.time, [](double t) { return std::sin(11.0 * t); });
+  EXPECT_FALSE(says(proposal_of("angle [rad]", "speed [rad/s]", other), "would be the rate"));
+}
+
+// ---- units --------------------------------------------------------------------------------------
+
+TEST_F(LogMotions, ADriveOfUnknownGainSaysWhatItsUnitsMean) {
+  const Rows rows = rows_of(two_sines, 600, 0.02);
+  const auto notes_with = [&](const std::string& position, const std::string& drive) {
+    return notes_of(
+        proposed({{"time [s]", rows.time}, {position, rows.position}, {drive, rows.force}}));
+  };
+  EXPECT_NE(notes_with("position [m]", "current [mA]").find("and 1 kg is one mA per m/s^2"),
+            std::string::npos);
+  EXPECT_NE(notes_with("angle [rad]", "current").find("and 1 kg m^2 is one of it per rad/s^2"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace graybox
