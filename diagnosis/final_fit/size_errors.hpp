@@ -3,9 +3,9 @@
 // They allow for residuals with memory and of changing size: H^-1 (sum over blocks g_b g_b') H^-1,
 // g_b = J_b'r_b, never below those of white residuals. They don't see a bias: noise in what the
 // filter starts from, or a law that is finer in the machine. So the fit is repeated over the next
-// shorter windows, and what both differ by beyond their errors is added. Where more than 5 % of the
-// signal is left, it is also begun with each law at 0.7 and 1.4 times its size: friction that sticks
-// has many valleys. Errors are at least the distance to one that predicts as well.
+// shorter windows, and what both differ by beyond their errors is added. Where more than 5 % of
+// the signal is left, it is also begun with each law at 0.7 and 1.4 times its size: friction that
+// sticks has many valleys. Errors are at least the distance to one that predicts as well.
 #pragma once
 
 #include <Eigen/Core>

@@ -11,7 +11,8 @@
 // far shorter than a step is right, too, and T -> 0 is continuous.
 //
 // Laws with states, and delays, begin in the part of the file before this one. Where there is none
-// they begin from what drive_start.hpp says of the time before the record. A rate limit, and any other law with states, goes in sixteen parts of a step.
+// they begin from what drive_start.hpp says of the time before the record. A rate limit, and any
+// other law with states, goes in sixteen parts of a step.
 //
 //   DriveSignals signals(recordings, InputHold::kZero, 2);
 //   const NodeInputs& drive = signals.of(0, model);      // valid until the next call

@@ -80,7 +80,6 @@ class Detective {
     }
     return faults;
   }
-
   // Sum of the joints' errors, with what was found undone.
   [[nodiscard]] double error() { return balance_.fit(wiring_).error.sum(); }
 
