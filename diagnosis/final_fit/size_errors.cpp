@@ -62,8 +62,8 @@ VectorXd with_disagreement(const LastFit& last, VectorXd deviations) {
   return deviations;
 }
 
-// Where much is left, the same errors may be reached in another valley: what those valleys lie apart
-// by is not known better than that.
+// Where much is left, the same errors may be reached in another valley: what those valleys lie
+// apart by is not known better than that.
 VectorXd with_other_valleys(const LastFit& last, VectorXd deviations) {
   constexpr double kMuch = 0.05;   // of the signal
   constexpr double kAsGood = 1.0;  // z

@@ -2,7 +2,7 @@
 // a ceiling, or a base frame that stands on its side. Then no joint's weights fit, and a wrong sign
 // seems to mend some of them.
 //
-// The force balance (wired_balance.hpp) is fitted with gravity of 9.81 m/s^2 along the 26 directions
+// The force balance (wired_balance.hpp) is fitted with gravity of 9.81 m/s^2 along 26 directions,
 // to faces, edges and corners of a cube. From the best it goes on by steps of 20 down to 1 degrees
 // on the sphere. An axis of the base frame that does about as well stands in its place. It is
 // claimed where it is 20 degrees or more from what is stated, and brings the sum of the joints'
