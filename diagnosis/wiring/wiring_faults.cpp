@@ -355,6 +355,19 @@ class Detective {
   Wiring wiring_;  // with what was found undone
 };
 
+ChannelFault told(const GravityFault& gravity, const RigidRobotModel& robot) {
+  const auto joints = static_cast<double>(robot.size());
+  return {.channels = robot.channels.torque,
+          .message = fmt::format(
+              "gravity points elsewhere: the forces fit [{:.3g}, {:.3g}, {:.3g}] m/s^2 in the base "
+              "frame, the model says [{:.3g}, {:.3g}, {:.3g}]",
+              gravity.gravity.x(), gravity.gravity.y(), gravity.gravity.z(), robot.gravity.x(),
+              robot.gravity.y(), robot.gravity.z()),
+          .dissimilarity_before = gravity.error_before / joints,
+          .dissimilarity_after = gravity.error_after / joints,
+          .measure = "relative error of the force balance"};
+}
+
 // Wires mend some joints where gravity mends all. Without any, a large error asks for it, too.
 std::vector<ChannelFault> wires_or_gravity(const RigidRobotModel& robot,
                                            std::span<const Motion> pieces,
@@ -365,22 +378,14 @@ std::vector<ChannelFault> wires_or_gravity(const RigidRobotModel& robot,
   std::vector<ChannelFault> wires = detective.run();
   if (wires.empty() && as_recorded < kLarge * static_cast<double>(robot.size())) return wires;
   const std::optional<GravityFault> gravity = find_gravity_fault(robot, pieces, keep_going);
+  if (!gravity) return wires;
+  ChannelFault fault = told(*gravity, robot);
   const double mended = detective.error();
-  if (!gravity || gravity->error_after > kAlike * mended) return wires;
-  const auto joints = static_cast<double>(robot.size());
-  ChannelFault fault{
-      .channels = robot.channels.torque,
-      .message =
-          fmt::format("gravity points elsewhere: the forces fit [{:.3g}, {:.3g}, {:.3g}] m/s^2 in "
-                      "the base frame, the model says [{:.3g}, {:.3g}, {:.3g}]",
-                      gravity->gravity.x(), gravity->gravity.y(), gravity->gravity.z(),
-                      robot.gravity.x(), robot.gravity.y(), robot.gravity.z()),
-      .dissimilarity_before = gravity->error_before / joints,
-      .dissimilarity_after = gravity->error_after / joints,
-      .measure = "relative error of the force balance"};
-  const bool are_alike = wires.size() == 1 && mended <= kAlike * gravity->error_after;
-  if (are_alike) fault.add_rival(wires.front());
-  return {fault};
+  const bool is_better = gravity->error_after <= kAlike * mended;
+  if (!is_better && wires.size() == 1) wires.front().add_rival(fault);
+  if (!is_better) return wires;
+  if (wires.size() == 1 && mended <= kAlike * gravity->error_after) fault.add_rival(wires.front());
+  return {std::move(fault)};
 }
 
 }  // namespace
