@@ -64,15 +64,29 @@ std::vector<std::size_t> LoggedRobot::choose_chain() {
   return aside;
 }
 
-bool LoggedRobot::fits_limits(const AngleUnit& unit) const {
+std::vector<Eigen::Index> LoggedRobot::rows_beyond_limits(const AngleUnit& unit) const {
+  Eigen::Array<bool, Eigen::Dynamic, 1> beyond =
+      Eigen::Array<bool, Eigen::Dynamic, 1>::Constant(log_.samples(), false);
   for (const std::size_t joint : chain_) {
     const UrdfJoint& each = joints_[joint];
     if (each.is_prismatic || !(each.upper > each.lower)) continue;
-    const Eigen::VectorXd q = angles(joint, unit);
+    const Eigen::ArrayXd q = angles(joint, unit);
     const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
-    if (q.maxCoeff() > each.upper + slack || q.minCoeff() < each.lower - slack) return false;
+    beyond = beyond || q > each.upper + slack || q < each.lower - slack;
   }
-  return true;
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index k = 0; k < beyond.size(); ++k) {
+    if (beyond(k)) rows.push_back(k);
+  }
+  return rows;
+}
+
+bool LoggedRobot::fits_limits(const AngleUnit& unit) const {
+  constexpr double kDropouts = 0.005;  // of the rows
+  constexpr Eigen::Index kMany = 100;  // of which a single one may be
+  const Eigen::Index rows = log_.samples();
+  const double most = std::max(kDropouts * static_cast<double>(rows), rows >= kMany ? 1.0 : 0.0);
+  return static_cast<double>(rows_beyond_limits(unit).size()) <= most;
 }
 
 double LoggedRobot::share_of_weight(const AngleUnit& angle_unit) const {
@@ -146,6 +160,28 @@ std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {
   return path;
 }
 
+// Of a joint between the logged ones that can't be used.
+std::string LoggedRobot::gap_words(std::size_t joint) const {
+  const std::string& name = joints_[joint].name;
+  const auto logged = positions_->columns.find(joint);
+  if (logged != positions_->columns.end() && !logged->second->moves()) {
+    return fmt::format(
+        "{}: joint '{}' lies between the logged ones and does not move: '{}' stays at {:.6g}; make "
+        "it fixed at that angle in the URDF, or choose --base or --tip",
+        urdf_name(), name, logged->second->name, without_gaps(logged->second->values)(0));
+  }
+  if (logged != positions_->columns.end()) {
+    return fmt::format(
+        "{}: joint '{}' lies between the logged ones, and its force is not logged or never "
+        "changes; log it, name its column by --column NAME=torque@{}, or choose --base or --tip",
+        urdf_name(), name, name);
+  }
+  return fmt::format(
+      "{}: joint '{}' lies between the logged ones, and its position and force are not logged; "
+      "log them, name their columns by --column NAME=position@{}, or choose --base or --tip",
+      urdf_name(), name, name);
+}
+
 void LoggedRobot::take_chain(const std::vector<std::size_t>& path) {
   bool began = !asked_base_.empty();
   bool in_range = asked_base_.empty();
@@ -160,11 +196,7 @@ void LoggedRobot::take_chain(const std::vector<std::size_t>& path) {
       began = true;
       chain_.push_back(joint);
     } else if (began && joints_[joint].moves) {
-      throw InputError(fmt::format(
-          "{}: joint '{}' lies between the logged ones, and its position and force are not "
-          "logged; "
-          "log them, name their columns by --column NAME=position@{}, or choose --base or --tip",
-          urdf_name(), joints_[joint].name, joints_[joint].name));
+      throw InputError(gap_words(joint));
     }
   }
   if (chain_.empty()) {

@@ -60,7 +60,11 @@ class LoggedRobot {
   // Sets the chain; joints that are logged and not in it. Throws InputError where there is none.
   std::vector<std::size_t> choose_chain();
 
-  // Whether all positions lie within their limits if they are in that unit.
+  // Where a position lies beyond its limits if all are in that unit.
+  [[nodiscard]] std::vector<Eigen::Index> rows_beyond_limits(const AngleUnit& unit) const;
+
+  // Whether all positions lie within them, but for as few rows as a dropout leaves: one of a
+  // hundred, or one in two hundred of many.
   [[nodiscard]] bool fits_limits(const AngleUnit& unit) const;
 
   // The recorded torque over the links' weight, of the joint that carries most; 0 if it can't be
@@ -83,6 +87,8 @@ class LoggedRobot {
 
   // Joints from the root to this one.
   [[nodiscard]] std::vector<std::size_t> path_to(std::size_t joint) const;
+
+  [[nodiscard]] std::string gap_words(std::size_t joint) const;
 
   void take_chain(const std::vector<std::size_t>& path);
 

@@ -264,6 +264,7 @@ class RobotProposal {
     guess("positions", fmt::format("{} in {}", robot_.range_of(positions_), angle_.name),
           fmt::format("{}; {}", prefix, unit_reason_));
     const bool is_open_count = angle_.name != "counts" && robot_.is_in_counts();
+    if (robot_.fits_limits(angle_)) note_dropouts();
     if (robot_.fits_limits(angle_) && !is_open_count) return;
     const std::string in_degrees = fmt::format("--column '{}=position:deg'", positions_.pattern);
     if (angle_.name != "counts" && robot_.holds_counts()) {
@@ -288,6 +289,15 @@ class RobotProposal {
          in_degrees + ", say",
          {}});
     doubts_.beyond_limits = true;
+  }
+
+  void note_dropouts() {
+    const std::vector<Eigen::Index> rows = robot_.rows_beyond_limits(angle_);
+    if (rows.empty()) return;
+    proposal_.notes.push_back(fmt::format(
+        "positions lie beyond the joints' limits in row {}{} alone, counted from 0: a dropout? "
+        "Take it out where the recordings' checks do not",
+        rows.front(), rows.size() > 1 ? " and a few others" : ""));
   }
 
   const ProposalRequest& request_;

@@ -154,6 +154,47 @@ TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
   EXPECT_EQ(notes_of(added).find("locked"), std::string::npos) << notes_of(added);
 }
 
+// One row in which all joints read alike makes no motor angles of the others.
+TEST_F(RobotLogs, ADropoutIsNoOtherUnit) {
+  const auto dropping = [](const Signal& signal, double value) -> Signal {
+    return [=](double t) { return std::abs(t - 4.0) < 0.25 * kStep ? value : signal(t); };
+  };
+  std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
+  for (auto& [title, signal] : columns) {
+    signal = dropping(signal, title.ends_with("pos") ? -3.7 : 0.0);
+  }
+  const ModelProposal robot = proposed({"waist", "wrist"}, columns);
+  for (const OpenQuestion& question : robot.questions) {
+    EXPECT_EQ(question.text.find("motor angles"), std::string::npos) << question.text;
+  }
+  EXPECT_NE(notes_of(robot).find("beyond the joints' limits in row 200 alone"), std::string::npos)
+      << notes_of(robot);
+  for (auto& [title, signal] : columns) {
+    if (title.ends_with("pos")) signal = swing(9.0, 3.0, 0.0);
+  }
+  EXPECT_EQ(notes_of(proposed({"waist", "wrist"}, columns)).find("dropout"), std::string::npos);
+}
+
+TEST_F(RobotLogs, AConstantJointIsSaidToBe) {
+  const auto columns_with = [](const Signal& elbow, const Signal& effort) {
+    std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
+    columns.emplace_back("elbow_pos", elbow);
+    columns.emplace_back("elbow_effort", effort);
+    return columns;
+  };
+  const Signal still = [](double) { return -0.25; };
+  testing::expect_refused(
+      [&] {
+        proposed({"waist", "elbow", "wrist"}, columns_with(still, still));
+      },
+      "'elbow_pos' stays at -0.25; make it fixed at that angle in the URDF");
+  testing::expect_refused(
+      [&] {
+        proposed({"waist", "elbow", "wrist"}, columns_with(swing(1.0, 2.0, 0.0), still));
+      },
+      "its force is not logged or never changes");
+}
+
 // Zeros are a known force; another constant may be an idle offset.
 TEST_F(RobotLogs, AJointThatNothingDrivesStays) {
   const auto with = [&](double torque, double swing_of_second, const char* unit) {
