@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "diagnosis/first_masses/free_response.hpp"
@@ -21,6 +22,8 @@ constexpr Index kMostSamples = 20000, kFewestSamples = 20;
 constexpr int kGroups = 10;           // of the jackknife
 constexpr double kSureEnough = 0.2;   // of the inertia, to take a richer list of forces
 constexpr double kToldEnough = 0.33;  // of the inertia
+constexpr double kProved = 5.0;       // errors, for a sign that nothing else explains
+constexpr double kHalf = 0.5;         // of the squares that are left without the drive
 constexpr double kLonger = 2.0;       // errors, for longer segments
 constexpr double kFastest = 0.9;      // pole times sample time
 constexpr double kRidge = 1e-12;
@@ -117,6 +120,31 @@ MatrixXd forces_of(const OneMassLog& log) {
   return forces;
 }
 
+// Drive, constant and dry friction with a spring, and with a weight where the mass turns. A speed is
+// summed up to the place, from wherever it began.
+std::vector<MatrixXd> forces_beside(const OneMassLog& log) {
+  const Index n = log.motion.size();
+  VectorXd place = log.motion;
+  if (log.is_velocity) {
+    for (Index k = 0; k < n; ++k) {
+      place(k) = (k > 0 ? place(k - 1) : 0.0) + log.sample_time * log.motion(k);
+    }
+  }
+  MatrixXd forces(n, 4);
+  forces.col(0) = log.force;
+  forces.col(1).setOnes();
+  forces.col(2) = direction_of(log);
+  forces.col(3) = place.array() - place.mean();
+  std::vector<MatrixXd> lists{forces};
+  if (log.is_rotary) {
+    forces.conservativeResize(n, 5);
+    forces.col(3) = place.array().sin();
+    forces.col(4) = place.array().cos();
+    lists.push_back(forces);
+  }
+  return lists;
+}
+
 // ---- least squares over segments ----------------------------------------------------------------
 
 // Products of all columns and the motion with each other, by groups of segments, for each pole.
@@ -204,6 +232,11 @@ std::vector<double> poles_for(Index length, double step) {
   return poles;
 }
 
+// What the drive makes of the motion, 1/J, beside all forces of a list.
+struct InverseMass {
+  double value = 0.0, error = std::numeric_limits<double>::infinity();
+};
+
 VectorXd delayed(const VectorXd& signal, Index by) {
   VectorXd result = VectorXd::Constant(signal.size(), signal(0));
   result.tail(signal.size() - by) = signal.head(signal.size() - by);
@@ -212,7 +245,7 @@ VectorXd delayed(const VectorXd& signal, Index by) {
 
 class OneMassSearch {
  public:
-  explicit OneMassSearch(const OneMassLog& log) : log_(log), forces_(forces_of(log)) {}
+  OneMassSearch(const OneMassLog& log, MatrixXd forces) : log_(log), forces_(std::move(forces)) {}
 
   OneMassStart run() {
     MassCandidate chosen = chosen_candidate();
@@ -341,7 +374,7 @@ class OneMassSearch {
     const SegmentSolution& solution = chosen.solution;
     if (solution.values.size() == 0 || solution.values(0) == 0.0) return start;
     const double inertia = 1.0 / solution.values(0);
-    constexpr double kLeast = 0.01, kHalf = 0.5;
+    constexpr double kLeast = 0.01;
     const double least = kLeast * usual_damping();
     start.spread = chosen.error;
     start.has_value = std::isfinite(inertia) && (inertia > 0.0 || chosen.error < kToldEnough);
@@ -357,6 +390,7 @@ class OneMassSearch {
     const bool follows = solution.left < kHalf * solution.without_drive;
     const bool is_reversed = follows && stays_negative(chosen) && !drive_pushes();
     start.told = is_reversed ? OneMassTold::kReversed : OneMassTold::kNothing;
+    if (is_reversed) prove_reversed(chosen, start);
     return start;
   }
 
@@ -370,13 +404,51 @@ class OneMassSearch {
   }
 
   // Whether the mass is negative beside all forces of the list, too, by three standard errors of
-  // that fit. What is left follows from its own past r(k) = rho r(k-1) + e(k), which makes the
-  // error larger by (1 + rho)/(1 - rho) in the squares. An axis that goes on at one speed, or
-  // yields like a spring, does not tell.
+  // that fit. An axis that goes on at one speed, or yields like a spring, does not tell.
   [[nodiscard]] bool stays_negative(const MassCandidate& chosen) const {
-    const Index length = chosen.length, segments = log_.motion.size() / length;
+    const InverseMass mass = beside_all(chosen.length, chosen.solution.pole);
+    return mass.value < -mass.error / kToldEnough;
+  }
+
+  // Neither a spring nor a weight beside the drive makes the mass positive, whichever part of the log
+  // is left out, and friction takes energy from what is left of the turned drive.
+  void prove_reversed(const MassCandidate& chosen, OneMassStart& start) const {
+    double least = std::numeric_limits<double>::infinity();
+    for (const MatrixXd& forces : forces_beside(log_)) {
+      const OneMassSearch other(log_, forces);
+      const std::vector<GroupProducts> products = other.products_for(chosen.length);
+      const SegmentSolution found = best_of(products, forces.cols(), -1);
+      if (found.values.size() == 0 || !are_all_negative(products, forces.cols())) return;
+      const InverseMass mass = other.beside_all(chosen.length, found.pole);
+      const bool is_slow = found.pole * log_.sample_time < kFastest,
+                 follows = found.left<kHalf * found.without_drive, is_damped = found.pole> 0.0 ||
+                           found.values(2) < 0.0;
+      if (!is_slow || !follows || !is_damped || !(mass.value < -kProved * mass.error)) return;
+      if (-mass.value > least * mass.error) continue;
+      least = -mass.value / mass.error;
+      start.proved = -1.0 / mass.value;
+      start.proved_error = mass.error / (mass.value * mass.value);
+    }
+    start.is_proved = true;
+  }
+
+  [[nodiscard]] static bool are_all_negative(const std::vector<GroupProducts>& products,
+                                             Index count) {
+    const auto groups = static_cast<int>(products.front().groups.size());
+    if (groups < 3) return false;
+    for (int g = 0; g < groups; ++g) {
+      const SegmentSolution other = best_of(products, count, g);
+      if (other.values.size() == 0 || !(other.values(0) < 0.0)) return false;
+    }
+    return true;
+  }
+
+  // Least squares at one pole. What is left follows from its own past r(k) = rho r(k-1) + e(k),
+  // which makes the error larger by (1 + rho)/(1 - rho) in the squares.
+  [[nodiscard]] InverseMass beside_all(Index length, double pole) const {
+    const Index segments = log_.motion.size() / length;
     const Index forces = forces_.cols(), rows = segments * length;
-    const FreeResponse response(chosen.solution.pole, log_.sample_time, log_.is_velocity, length);
+    const FreeResponse response(pole, log_.sample_time, log_.is_velocity, length);
     MatrixXd columns(log_.motion.size(), forces + 1);
     for (Index k = 0; k < forces; ++k) columns.col(k) = response.of(forces_.col(k));
     columns.col(forces) = log_.motion;
@@ -399,7 +471,7 @@ class OneMassSearch {
         normal.ldlt().solve(VectorXd::Unit(forces, 0))(0) / (scale(0) * scale(0));
     const double noise = left / static_cast<double>(std::max<Index>(1, rows - forces));
     const double error = std::sqrt(std::max(0.0, inverse) * noise * (1.0 + rho) / (1.0 - rho));
-    return values(0) < -error / kToldEnough;
+    return {values(0), error};
   }
 
   static void take_weight(const MassCandidate& chosen, OneMassStart& start) {
@@ -422,7 +494,7 @@ OneMassStart start_one_mass(const OneMassLog& log) {
                          log.force.size() == log.motion.size();
   if (!is_usable || !(log.force.squaredNorm() > 0.0)) return {};
   const OneMassLog used = shortened(log);
-  return OneMassSearch(used).run();
+  return OneMassSearch(used, forces_of(used)).run();
 }
 
 }  // namespace graybox

@@ -53,6 +53,10 @@ struct OneMassStart {
   double damping = 0.01;   // at least a hundredth of what takes the motion's power
   double spread = 1.0;     // standard error of the inertia over its size
   bool has_value = false;  // inertia and damping are an estimate, however poor
+  // Reversed, and neither a spring nor a weight explains it: the mass stays negative by five errors
+  // beside either. Then its size and standard error, the less sure ones of both.
+  bool is_proved = false;
+  double proved = 0.0, proved_error = 0.0;
   // A weight's force, sine sin q + cosine cos q, against the motion; 0: none was needed.
   double sine = 0.0, cosine = 0.0;
 };

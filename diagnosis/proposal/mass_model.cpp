@@ -171,6 +171,14 @@ class MassModel {
     return who;
   }
 
+  // Beside a spring and beside a weight the mass is negative: what is left is a wrong sign.
+  void tell_sign(const OneMassStart& start) {
+    proposal_.notes.push_back(fmt::format(
+        "the drive acts reversed: beside an offset, friction, and a spring or a weight the mass "
+        "stays negative, -{:.3g} +- {:.1g} {}. {} (start values are those of the turned drive)",
+        start.proved, start.proved_error, inertia_unit(), who_is_reversed()));
+  }
+
   void doubt_sign(const OneMassStart& start) {
     proposal_.notes.push_back(fmt::format(
         "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
@@ -308,8 +316,9 @@ class MassModel {
           why = "a start: least squares of the motion on the drive and friction";
           break;
         case OneMassTold::kReversed:
-          why = "guessed: negative; is the drive reversed, or the encoder?";
-          doubt_sign(start);
+          why = start.is_proved ? "that of the turned drive: as it is, the drive acts reversed"
+                                : "guessed: that of the turned drive; as logged it is negative";
+          start.is_proved ? tell_sign(start) : doubt_sign(start);
           break;
         case OneMassTold::kNothing:
           why = start.has_value ? "guessed: the log hardly shows an inertia"

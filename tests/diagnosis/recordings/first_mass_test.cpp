@@ -159,6 +159,36 @@ TEST(FirstMass, ADriveOfTheWrongSignIsTold) {
   }
 }
 
+// Beside a weight and a spring the sign of a drive is told, and that of a sound one is not doubted.
+TEST(FirstMass, AReversedDriveIsProvedBesideAWeight) {
+  constexpr TrueMass kArm{0.05, 0.3, 1.0, 2.0};
+  for (const TrueMass& mass : {kDry, kArm}) {
+    const MassRun machine = run(mass, steps(5.0, 6000));
+    const VectorXd counts = in_counts(machine.position, 4000.0);
+    const OneMassStart start = start_one_mass(by_position(-machine.force, counts));
+    EXPECT_EQ(start.told, OneMassTold::kReversed);
+    ASSERT_TRUE(start.is_proved);
+    EXPECT_GT(start.proved, 5.0 * start.proved_error);
+    EXPECT_NEAR(start.proved, mass.inertia, 0.3 * mass.inertia);
+    const OneMassStart right = start_one_mass(by_position(machine.force, counts));
+    EXPECT_EQ(right.told, OneMassTold::kInertia);
+    EXPECT_FALSE(right.is_proved);
+    const OneMassStart by_speed =
+        start_one_mass({-machine.force, machine.velocity, true, true, kStep});
+    EXPECT_TRUE(by_speed.is_proved);
+  }
+}
+
+// A motion that a drive does not explain proves nothing.
+TEST(FirstMass, AMotionOfItsOwnProvesNoSign) {
+  const MassRun machine = run_of(kViscous);
+  for (const unsigned seed : {5U, 6U, 7U, 8U}) {
+    const VectorXd other = run(kViscous, noisy(VectorXd::Zero(2400), 2000.0, seed)).position;
+    EXPECT_FALSE(start_one_mass(by_position(machine.force, other)).is_proved);
+    EXPECT_FALSE(start_one_mass(by_position(-machine.force, other)).is_proved);
+  }
+}
+
 TEST(FirstMass, AMotionOfItsOwnTellsNothing) {
   const MassRun machine = run_of(kViscous);
   const VectorXd other = run(kViscous, noisy(VectorXd::Zero(2400), 2000.0, 5)).position;

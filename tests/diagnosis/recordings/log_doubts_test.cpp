@@ -154,15 +154,19 @@ TEST_F(LogDoubts, ADriveThatBearsAWeightIsTakenWithTheDoubt) {
   EXPECT_EQ(notes_of(sound).find("sign"), std::string::npos) << notes_of(sound);
 }
 
-// The mass would be negative.
-TEST_F(LogDoubts, ADriveOfTheWrongSignIsAsked) {
+// The mass is negative, whatever stands beside it: no question is left but what to turn.
+TEST_F(LogDoubts, ADriveOfTheWrongSignIsTold) {
   const Axis m = axis(2000, 0.01);
   const std::vector<double> turned = mapped(m.force, [](double u) { return -u; });
   const ModelProposal proposal =
       proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", turned}});
-  EXPECT_NE(notes_of(proposal).find("are the signs right?"), std::string::npos);
-  EXPECT_NE(notes_of(proposal).find("--gain=-1"), std::string::npos);
-  EXPECT_NE(value_of(proposal, "mass").find("guessed: negative"), std::string::npos);
+  const std::string notes = notes_of(proposal);
+  EXPECT_NE(notes.find("the drive acts reversed: beside an offset"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("the mass stays negative, -0.0"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("--gain=-1"), std::string::npos) << notes;
+  EXPECT_EQ(notes.find("Either a spring or a weight"), std::string::npos) << notes;
+  EXPECT_NE(value_of(proposal, "mass").find("that of the turned drive"), std::string::npos)
+      << value_of(proposal, "mass");
   const ModelProposal right =
       proposed({{"time", m.time}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
   EXPECT_EQ(notes_of(right).find("sign"), std::string::npos);
