@@ -420,9 +420,9 @@ class OneMassSearch {
       const SegmentSolution found = best_of(products, forces.cols(), -1);
       if (found.values.size() == 0 || !are_all_negative(products, forces.cols())) return;
       const InverseMass mass = other.beside_all(chosen.length, found.pole);
-      const bool is_slow = found.pole * log_.sample_time < kFastest,
-                 follows = found.left<kHalf * found.without_drive, is_damped = found.pole> 0.0 ||
-                           found.values(2) < 0.0;
+      const bool is_slow = found.pole * log_.sample_time < kFastest;
+      const bool follows = found.left < kHalf * found.without_drive;
+      const bool is_damped = (found.pole > 0.0) || (found.values(2) < 0.0);
       if (!is_slow || !follows || !is_damped || !(mass.value < -kProved * mass.error)) return;
       if (-mass.value > least * mass.error) continue;
       least = -mass.value / mass.error;
