@@ -120,8 +120,8 @@ MatrixXd forces_of(const OneMassLog& log) {
   return forces;
 }
 
-// Drive, constant and dry friction with a spring, and with a weight where the mass turns. A speed is
-// summed up to the place, from wherever it began.
+// Drive, constant and dry friction with a spring, and with a weight where the mass turns. A speed
+// is summed up to the place, from wherever it began.
 std::vector<MatrixXd> forces_beside(const OneMassLog& log) {
   const Index n = log.motion.size();
   VectorXd place = log.motion;
@@ -410,8 +410,8 @@ class OneMassSearch {
     return mass.value < -mass.error / kToldEnough;
   }
 
-  // Neither a spring nor a weight beside the drive makes the mass positive, whichever part of the log
-  // is left out, and friction takes energy from what is left of the turned drive.
+  // Neither a spring nor a weight beside the drive makes the mass positive, whichever part of the
+  // log is left out, and friction takes energy from what is left of the turned drive.
   void prove_reversed(const MassCandidate& chosen, OneMassStart& start) const {
     double least = std::numeric_limits<double>::infinity();
     for (const MatrixXd& forces : forces_beside(log_)) {

@@ -92,6 +92,24 @@ void note_gained_speed(const MassMachine& machine, ModelProposal& proposal) {
       motion.column->name, first, last, machine.is_linear() ? "m/s" : "rad/s"));
 }
 
+// Of a drive against which the mass speeds up. Where the mass is negative beside a spring and beside
+// a weight, what is left is a wrong sign.
+std::string sign_words(const OneMassStart& start, const std::string& unit, const std::string& who) {
+  const std::string turned = " (start values are those of the turned drive)";
+  if (start.is_proved) {
+    return fmt::format(
+        "the drive acts reversed: beside an offset, friction, and a spring or a weight the mass "
+        "stays negative, -{:.3g} +- {:.1g} {}. {}{}",
+        start.proved, start.proved_error, unit, who, turned);
+  }
+  return fmt::format(
+      "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
+      "speeds "
+      "up against its drive. Either a spring or a weight holds the axis, and the signs are right "
+      "as they are; or {}{}",
+      start.inertia, unit, 100.0 * start.spread, who, turned);
+}
+
 class MassModel {
  public:
   MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
@@ -169,22 +187,6 @@ class MassModel {
                         machine_.drive->name, motion.column->name, motion.other->name, drive);
     }
     return who;
-  }
-
-  // Beside a spring and beside a weight the mass is negative: what is left is a wrong sign.
-  void tell_sign(const OneMassStart& start) {
-    proposal_.notes.push_back(fmt::format(
-        "the drive acts reversed: beside an offset, friction, and a spring or a weight the mass "
-        "stays negative, -{:.3g} +- {:.1g} {}. {} (start values are those of the turned drive)",
-        start.proved, start.proved_error, inertia_unit(), who_is_reversed()));
-  }
-
-  void doubt_sign(const OneMassStart& start) {
-    proposal_.notes.push_back(fmt::format(
-        "are the signs right? The mass would be negative, -{:.3g} {} within {:.0f} %: the axis "
-        "speeds up against its drive. Either a spring or a weight holds the axis, and the signs "
-        "are right as they are; or {} (start values are those of the turned drive)",
-        start.inertia, inertia_unit(), 100.0 * start.spread, who_is_reversed()));
   }
 
   // A weight or a spring gives back one way what it took the other way; nothing gives both ways.
@@ -318,7 +320,7 @@ class MassModel {
         case OneMassTold::kReversed:
           why = start.is_proved ? "that of the turned drive: as it is, the drive acts reversed"
                                 : "guessed: that of the turned drive; as logged it is negative";
-          start.is_proved ? tell_sign(start) : doubt_sign(start);
+          proposal_.notes.push_back(sign_words(start, inertia_unit(), who_is_reversed()));
           break;
         case OneMassTold::kNothing:
           why = start.has_value ? "guessed: the log hardly shows an inertia"
