@@ -1,5 +1,6 @@
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -29,6 +30,8 @@ struct Added {
   Eigen::ArrayX4d told;
   // Positions, in place of `motion`: what hardly moves has little way, however it trembles.
   ArrayXd place;
+  bool is_swept = false;   // its frequency rises or falls along the log
+  bool shows_mass = true;  // or nothing drives, so that it can't
 };
 
 // Cut at the size that all but a few samples keep: one spike would have all the squares.
@@ -53,6 +56,75 @@ int turns_of(const ArrayXd& rates) {
   return turns;
 }
 
+bool is_chirp(const ArrayXd& crossings) {
+  const Index n = crossings.size();
+  double quarter[4];
+  for (Index k = 0; k < 4; ++k) quarter[k] = crossings.segment(k * (n / 4), n / 4).sum();
+  const bool rises = std::ranges::is_sorted(quarter),
+             falls = std::ranges::is_sorted(quarter, std::ranges::greater());
+  const double least = std::min(quarter[0], quarter[3]), most = std::max(quarter[0], quarter[3]);
+  return (rises || falls) && most >= kFewestCrossings && most > kChirp * std::max(least, 1.0);
+}
+
+// The samples at which a signal turns round, by more than a fifth of its range.
+std::vector<Index> turning_points(const ArrayXd& signal) {
+  constexpr double kClear = 0.2;
+  const double clear = kClear * (signal.maxCoeff() - signal.minCoeff());
+  std::vector<Index> points;
+  Index highest = 0, lowest = 0;
+  int way = 0;  // 0: it has not moved yet
+  for (Index k = 0; k < signal.size(); ++k) {
+    if (signal(k) > signal(highest)) highest = k;
+    if (signal(k) < signal(lowest)) lowest = k;
+    const bool falls = way >= 0 && signal(k) < signal(highest) - clear,
+               rises = way <= 0 && signal(k) > signal(lowest) + clear;
+    if (!falls && !rises) continue;
+    if (way != 0) points.push_back(falls ? highest : lowest);
+    way = falls ? -1 : 1;
+    (falls ? lowest : highest) = k;
+  }
+  return points;
+}
+
+// A slow sweep has few periods to count: then each stretch from turn to turn is shorter than the one
+// before, or longer, by 1.5 in all, and goes as far.
+bool is_slow_sweep(const ArrayXd& signal) {
+  constexpr double kFaster = 1.5, kAsFar = 1.3;
+  constexpr std::size_t kFewest = 3;  // stretches
+  const std::vector<Index> points = turning_points(signal);
+  if (points.size() < kFewest + 1) return false;
+  std::vector<double> lengths, ways;
+  for (std::size_t k = 1; k < points.size(); ++k) {
+    lengths.push_back(static_cast<double>(points[k] - points[k - 1]));
+    ways.push_back(std::abs(signal(points[k]) - signal(points[k - 1])));
+  }
+  const auto [least, most] = std::ranges::minmax(ways);
+  const auto [shortest, longest] = std::ranges::minmax(lengths);
+  if (most > kAsFar * least || longest < kFaster * shortest) return false;
+  return std::ranges::is_sorted(lengths) || std::ranges::is_sorted(lengths, std::ranges::greater());
+}
+
+// Whether the drive follows the acceleration, by three errors beside friction and a constant. What
+// is left follows from its own past by rho, which takes (1 - rho)/(1 + rho) of the squares.
+bool shows_mass(const VectorXd& drive, const Eigen::ArrayX4d& told) {
+  constexpr double kErrors = 3.0;
+  if (!(drive.cwiseAbs().maxCoeff() > 0.0)) return true;
+  const Eigen::MatrixXd columns =
+      (told.rowwise() / told.square().colwise().mean().sqrt().max(1e-300)).matrix();
+  const auto left = [&](const Eigen::MatrixXd& own) {
+    Eigen::MatrixXd normal = own.transpose() * own;
+    normal.diagonal().array() += 1e-12 * normal.diagonal().maxCoeff();
+    return VectorXd(drive - own * normal.ldlt().solve(own.transpose() * drive));
+  };
+  const VectorXd rest = left(columns);
+  const Index n = rest.size();
+  const double squares = rest.squaredNorm(), without = left(columns.rightCols(3)).squaredNorm(),
+               past = rest.head(n - 1).dot(rest.tail(n - 1)) / std::max(squares, 1e-300),
+               rho = std::clamp(past, 0.0, 0.999);
+  return (without - squares) * static_cast<double>(n - 4) * (1.0 - rho) >
+         kErrors * kErrors * squares * (1.0 + rho);
+}
+
 Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) {
   const Index n = drive.size(), over = std::max<Index>(1, n / 500);
   Added added{without_spikes(drive.array(), 1).square(),
@@ -62,7 +134,8 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
               ArrayXd::Zero(n),
               0,
               Eigen::ArrayX4d::Zero(n, 4),
-              is_velocity ? ArrayXd() : ArrayXd(motion.array())};
+              is_velocity ? ArrayXd() : ArrayXd(motion.array()),
+              is_slow_sweep(motion.array()) || is_slow_sweep(drive.array())};
   ArrayXd rates = motion.array();
   for (Index k = 0; k < n; ++k) {
     const double change = motion(k) - motion(std::max<Index>(0, k - over));
@@ -86,6 +159,8 @@ Added added_by(const VectorXd& drive, const VectorXd& motion, bool is_velocity) 
     if (here != 0 && side != 0 && here != side) added.crossings(k) = 1.0;
     if (here != 0) side = here;
   }
+  added.is_swept = added.is_swept || is_chirp(added.crossings);
+  added.shows_mass = shows_mass(drive, added.told);
   return added;
 }
 
@@ -108,7 +183,7 @@ struct Shares {
 
 // The least share of what the whole log tells that either role has: the smallest eigenvalue of its
 // normal matrix over that of all, in what all tell; at most a half.
-double told_by_each(const Added& added, Index blocks) {
+double told_of_mass(const Added& added, Index blocks) {
   constexpr double kUntold = 1e-3;  // of the largest eigenvalue: the log does not tell it
   const Eigen::MatrixX4d columns =
       (added.told.rowwise() / added.told.square().colwise().mean().sqrt().max(1e-300)).matrix();
@@ -129,6 +204,26 @@ double told_by_each(const Added& added, Index blocks) {
     return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(share).eigenvalues().minCoeff();
   };
   return std::max(0.0, std::min(least(fitted), least(kept)));
+}
+
+// Without a mass there is friction to tell, by the samples of either way: the least share that a
+// role has of one of them. A way that is hardly gone counts for nothing.
+double told_of_ways(const Added& added, Index blocks) {
+  constexpr double kMoves = 0.5;  // of tanh(rate/slow)
+  const ArrayXd way = added.told.col(2);
+  const auto count = static_cast<double>((way.abs() > kMoves).count());
+  double least = 0.5;
+  for (const double sign : {1.0, -1.0}) {
+    const Shares share((sign * way > kMoves).cast<double>(), blocks);
+    const double both = share.kept + share.fitted;
+    if (both < kShare * count) continue;
+    least = std::min(least, std::min(share.kept, share.fitted) / std::max(both, 1.0));
+  }
+  return least >= kShare ? least : 0.0;
+}
+
+double told_by_each(const Added& added, Index blocks) {
+  return added.shows_mass ? told_of_mass(added, blocks) : told_of_ways(added, blocks);
 }
 
 // How often a drive goes from one of two levels to the other; none: it has more than two.
@@ -212,16 +307,6 @@ bool have_ways(const ArrayXd& place, Index blocks) {
   return std::min(ways[0], ways[1]) >= kShare * (ways[0] + ways[1]);
 }
 
-bool is_chirp(const ArrayXd& crossings) {
-  const Index n = crossings.size();
-  double quarter[4];
-  for (Index k = 0; k < 4; ++k) quarter[k] = crossings.segment(k * (n / 4), n / 4).sum();
-  const bool rises = std::ranges::is_sorted(quarter),
-             falls = std::ranges::is_sorted(quarter, std::ranges::greater());
-  const double least = std::min(quarter[0], quarter[3]), most = std::max(quarter[0], quarter[3]);
-  return (rises || falls) && most >= kFewestCrossings && most > kChirp * std::max(least, 1.0);
-}
-
 bool are_alike(const ArrayXd& crossings, Index blocks) {
   const Shares shares(crossings, blocks);
   return std::max(shares.kept, shares.fitted) <= kAlike * std::min(shares.kept, shares.fitted);
@@ -239,7 +324,7 @@ std::string reason_against_halves(const Added& added) {
   }
   if (turns_between_halves(added)) return "the axis goes one way in each half";
   if (turns_seldom(added)) return "the axis turns round only once or twice";
-  if (is_chirp(added.crossings)) return "the drive's frequency changes along the log";
+  if (added.is_swept) return "the drive's frequency changes along the log";
   if (const int still = still_half(added.place); still != 0) {
     return still > 0 ? "nothing moves in the second half" : "nothing moves in the first half";
   }
@@ -247,7 +332,10 @@ std::string reason_against_halves(const Added& added) {
   const bool turns = goes_both_ways(added);
   if (turns && !has_both_ways_in_each(added, 2, kNothing))
     return "the axis goes one way in one half";
-  return "starts and stops are in one half";
+  if (!added.shows_mass) return "one half hardly goes one of both ways";
+  const bool have_starts = Shares(added.told.col(0).square(), 2).have_each(kShare);
+  return have_starts ? "one half hardly tells mass and friction apart"
+                     : "starts and stops are in one half";
 }
 
 // Whether blocks of a chirp hold a period on the average: less of it tells nothing by itself.
@@ -267,9 +355,8 @@ double fairly_told(const Added& added, Index blocks) {
   if (!have_ways(added.place, blocks)) return 0.0;
   const bool is_mixed = !turns_between_halves(added) && !turns_seldom(added);
   if (!is_mixed && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
-  const bool is_swept = is_chirp(added.crossings);
-  if (is_swept && !are_alike(added.crossings, blocks)) return 0.0;
-  if (is_swept && !have_periods(added.crossings, blocks)) return 0.0;
+  if (added.is_swept && !are_alike(added.crossings, blocks)) return 0.0;
+  if (added.is_swept && !have_periods(added.crossings, blocks)) return 0.0;
   return told_by_each(added, blocks);
 }
 
@@ -349,7 +436,7 @@ KeptOutBlocks kept_out_blocks(const std::vector<DrivenAxis>& axes, Index lost) {
     if (n != axes[k].position.size() || n < 2 * kFewestOfBlock) continue;
     Added added = added_by(axes[k].drive, axes[k].position, false);
     if (!(added.motion.sum() > 0.0) || !(added.drive.sum() > 0.0)) continue;
-    added.crossings.setZero();  // no joint is asked for a chirp, nor how often it turns round
+    added.is_swept = false;  // no joint is asked for a chirp, nor how often it turns round
     added.turns = 0;
     const std::string reason = reason_against_halves(added);
     // By what blocks are held against.

@@ -331,6 +331,54 @@ TEST(KeptOutBlocks, PartsOfAChirpHoldAPeriod) {
   EXPECT_GT(chirp(50.0).count, 2);
 }
 
+// Two periods and a half: a half of them is all slow. What only grows, or goes on, is no sweep.
+TEST(KeptOutBlocks, ASlowSweepIsNotHalved) {
+  constexpr Index kCount = 524;
+  constexpr double kLength = 5.24;
+  const auto split = [&](double first, double last, double grows) {
+    VectorXd force(kCount), place(kCount);
+    for (Index k = 0; k < kCount; ++k) {
+      const double t = kLength * static_cast<double>(k) / kCount;
+      const double turn = 2.0 * std::numbers::pi * t * (first + 0.5 * (last - first) * t / kLength);
+      const double size = 1.0 + grows * t / kLength;
+      place(k) = 5.0 * size * std::sin(turn);
+      force(k) = size * (std::cos(turn) + 0.2 * std::sin(turn));
+    }
+    return kept_out_blocks(force, place, false);
+  };
+  for (const bool rises : {true, false}) {
+    const KeptOutBlocks slow = rises ? split(0.25, 0.8, 0.0) : split(0.8, 0.25, 0.0);
+    EXPECT_EQ(slow.reason, "the drive's frequency changes along the log") << rises;
+    EXPECT_FALSE(slow.is_fair) << rises;
+  }
+  const KeptOutBlocks more = split(1.0, 3.2, 0.0);
+  EXPECT_EQ(more.reason, "the drive's frequency changes along the log");
+  EXPECT_EQ(split(0.6, 0.6, 0.0).reason, "");
+  EXPECT_EQ(split(0.6, 0.6, 2.0).reason, "");
+}
+
+// A rapid move first, then slow ones either way. A drive of friction alone shows no mass, and its
+// halves have both ways; one that starts a mass shows it, and then one half has the starts.
+TEST(KeptOutBlocks, WithoutAMassBothWaysAreEnough) {
+  constexpr Index kCount = 140;
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> noise(0.0, 0.3);
+  VectorXd friction(kCount), place(kCount);
+  double q = 0.0, v = 0.0, before = 0.0;
+  VectorXd heavy(kCount);
+  for (Index k = 0; k < kCount; ++k) {
+    const double way = k % 20 < 10 ? 1.0 : -1.0;
+    v = k < 20 ? 4.0 * way : 0.7 * way;
+    q += v;
+    place(k) = q;
+    friction(k) = way + 0.1 * v + noise(random);
+    heavy(k) = friction(k) + 10.0 * (v - before);
+    before = v;
+  }
+  EXPECT_EQ(kept_out_blocks(friction, place, false).reason, "");
+  EXPECT_EQ(kept_out_blocks(heavy, place, false).reason, "starts and stops are in one half");
+}
+
 // A push of a few samples can't be shared.
 TEST(KeptOutBlocks, AKickIsNotShared) {
   VectorXd force = VectorXd::Zero(2000);
