@@ -221,10 +221,14 @@ double number_in_table(const std::string& path, std::size_t line, const std::str
   double value = 0.0;
   if (parse_number(field, value)) return value;
   constexpr std::size_t kShown = 40;
-  const bool decimal_comma = field.find(',') != std::string_view::npos;
+  const bool is_list = field.find_first_of("[({") == 0,
+             decimal_comma = !is_list && field.find(',') != std::string_view::npos;
   throw InputError(fmt::format("{}: line {}, column {}: '{}{}' is no number{}", path, line, column,
                                field.substr(0, kShown), field.size() > kShown ? "..." : "",
-                               decimal_comma ? "; write a decimal point" : ""));
+                               is_list ? " but a list in one cell; give each of its values a "
+                                         "column of its own, as q_1, q_2"
+                               : decimal_comma ? "; write a decimal point"
+                                               : ""));
 }
 
 bool parse_number(std::string_view field, double& value) {

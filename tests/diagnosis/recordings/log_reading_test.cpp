@@ -468,6 +468,10 @@ TEST_F(LogReading, ColumnsOfWordsAreLeftOutAndWordsAmongNumbersRefused) {
   testing::write_text(folder_.file("s.csv"), "t,q\n0,1\n1,ERROR\n2,ERROR\n3,4\n");
   testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); },
                           "line 3, column 'q': 'ERROR' is no number");
+  // Commas of a list are no decimal ones.
+  testing::write_text(folder_.file("s.csv"), "t,q\n0,\"[-0.0038, 1]\"\n1,\"[-0.0039, 2]\"\n");
+  testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); },
+                          "is no number but a list in one cell; give each of its values a column");
   testing::write_text(folder_.file("s.csv"), "t,q\nON,A\nOFF,B\n");
   testing::expect_refused([&] { (void)read_recording_file(folder_.file("s.csv")); }, "s.csv: ");
 }
