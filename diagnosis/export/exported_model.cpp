@@ -164,9 +164,10 @@ void refuse_unknown(const std::filesystem::path& file, const RigidRobotModel& ro
   }
   if (robot.channels.unknown_drive_gains) unknown.emplace_back("the gains of the drives");
   if (unknown.empty()) return;
+  const bool is_one = unknown.size() == 1 && !robot.channels.unknown_drive_gains;
   throw InputError(fmt::format(
       "{}: {} {} unknown, and a program needs numbers: {}", file.string(), fmt::join(unknown, ", "),
-      unknown.size() == 1 ? "is" : "are",
+      is_one ? "is" : "are",
       robot.channels.unknown_drive_gains
           ? "state the torque constants in the campaign, and drive_gains: known"
           : "state them, or export the model_extended.yaml that graybox diagnose writes"));

@@ -34,10 +34,11 @@ void refuse_unknown(const RigidRobotModel& robot) {
   }
   if (robot.channels.unknown_drive_gains) unknown.emplace_back("the gains of the drives");
   if (unknown.empty()) return;
+  const bool is_one = unknown.size() == 1 && !robot.channels.unknown_drive_gains;
   throw InputError(
       fmt::format("model {}: {} {} unknown: a prediction needs numbers; 'graybox fit' estimates "
                   "what is unknown and says how well that predicts recordings kept out",
-                  robot.name, fmt::join(unknown, ", "), unknown.size() == 1 ? "is" : "are"));
+                  robot.name, fmt::join(unknown, ", "), is_one ? "is" : "are"));
 }
 
 MatrixXd predicted(TorqueColumns& columns, const Motion& piece) {
