@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""scripts/check_prose finds paragraphs and pages that are too long, and none that are not.
+"""scripts/check_prose finds paragraphs, pages and a README's sentences that are too long, and none that are not.
 
     tests/check_prose_test.py SOURCE
 """
@@ -18,6 +18,11 @@ def words(count):
 def page(count):
     """Paragraphs of fifty words."""
     return "\n\n".join([words(50)] * (count // 50) + [words(count % 50)])
+
+
+def sentence(count):
+    """One of as many words, among short ones."""
+    return "Word " + "word " * (count - 2) + "word. " + words(27)
 
 
 LONG = ["a paragraph of 91 words, 90 at most: Word word"]
@@ -40,6 +45,10 @@ CASES = [
     ("one of 1501", page(PAGE + 1), ["the page has 1501 words, 1500 at most"]),
     ("a page with a long fence", page(PAGE) + "\n\n```\n" + words(200) + "\n```\n", []),
     ("a page that a program writes", "<!-- Written by scripts/generate_reference -->\n" + words(91), []),
+    ("a sentence of 40 words", sentence(40), []),
+    ("one of 41", sentence(41), ["41 words, 40 at most: Word word"]),
+    ("a sentence of 30 words in a README", sentence(30), [], "README.md"),
+    ("one of 31", sentence(31), ["31 words, 30 at most: Word word"], "README.md"),
 ]
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 
 def run_cases(script, name, cases):
-    """`cases`: (what, text of the file `name`, parts of the lines expected). The exit code."""
+    """`cases`: (what, text of the file `name`, parts of the lines expected) or with a name of its own as the
+    fourth. The exit code."""
     path = Path(sys.argv[1]) / "scripts" / script
     faults = 0
     with tempfile.TemporaryDirectory() as folder:
-        for what, text, expected in cases:
-            file = Path(folder) / name
+        for what, text, expected, *own_name in cases:
+            file = Path(folder) / (own_name[0] if own_name else name)
             file.write_text(text)
             result = subprocess.run([sys.executable, path, file], capture_output=True, text=True)
             lines = result.stdout.splitlines() if result.returncode else []
