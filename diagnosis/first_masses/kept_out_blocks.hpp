@@ -11,8 +11,8 @@
 // as far each time. Nor are they where the axis turns round only once or twice in the whole log, which has both ways. Nor are they
 // where one half hardly tells a mass, viscous and dry friction and a constant apart (steady
 // motion): it has less than a fiftieth of what the log tells of one of them, or of a combination.
-// Where the drive shows no mass beside friction in the whole log, a half is asked instead for a fifth
-// of the samples of either way.
+// Where the drive shows no mass beside friction in the whole log, a half is asked instead for a
+// fifth of the samples of either way.
 //
 // A log of one transient is not split: its drive goes once from one level to another, or there and
 // back, or stays at one, and the motion turns round twice at most.
