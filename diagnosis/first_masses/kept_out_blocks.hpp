@@ -3,16 +3,16 @@
 //
 // Halves are not alike where one of them has less than a fiftieth of the drive's squares: the
 // machine coasts there. The same holds for the motion's squares: it stands. So it does where a
-// position goes less than a tenth of its way, however it trembles. Where nothing drives at all, the
-// motion alone decides. And they are not where the axis goes one way in the first half and the
+// position goes less than a tenth of its way, however it trembles. Where nothing drives at all,
+// the motion alone decides. And they are not where the axis goes one way in the first half and the
 // other way in the second, or where the drive's frequency rises or falls along all quarters of the
 // log, by 2.5 in all: a chirp. The frequency is counted by crossings of the mean. A slow sweep has
-// few of them: there drive or motion turns round ever sooner, or ever later, by 1.5 in all, and goes
-// as far each time. Nor are they where the axis turns round only once or twice in the whole log, which has both ways. Nor are they
-// where one half hardly tells a mass, viscous and dry friction and a constant apart (steady
-// motion): it has less than a fiftieth of what the log tells of one of them, or of a combination.
-// Where the drive shows no mass beside friction in the whole log, a half is asked instead for a
-// fifth of the samples of either way.
+// few of them: there drive or motion turns round ever sooner, or ever later, by 1.5 in all, and
+// goes as far each time. Nor are they where the axis turns round only once or twice in the whole
+// log, which has both ways. Nor are they where one half hardly tells a mass, viscous and dry
+// friction and a constant apart (steady motion): it has less than a fiftieth of what the log tells
+// of one of them, or of a combination. Where the drive shows no mass beside friction in the whole
+// log, a half is asked instead for a fifth of the samples of either way.
 //
 // A log of one transient is not split: its drive goes once from one level to another, or there and
 // back, or stays at one, and the motion turns round twice at most.
