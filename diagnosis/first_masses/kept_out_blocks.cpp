@@ -86,8 +86,8 @@ std::vector<Index> turning_points(const ArrayXd& signal) {
   return points;
 }
 
-// A slow sweep has few periods to count: then each stretch from turn to turn is shorter than the one
-// before, or longer, by 1.5 in all, and goes as far.
+// A slow sweep has few periods to count: then each stretch from turn to turn is shorter than the
+// one before, or longer, by 1.5 in all, and goes as far.
 bool is_slow_sweep(const ArrayXd& signal) {
   constexpr double kFaster = 1.5, kAsFar = 1.3;
   constexpr std::size_t kFewest = 3;  // stretches
