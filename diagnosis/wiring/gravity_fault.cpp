@@ -24,7 +24,7 @@ constexpr double kSettled = 0.5, kLargestSettled = 0.8;  // of the error, and of
 constexpr double kOfSprings = 0.8;                       // of the squares that springs would take
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kFirstStep = 20.0 * kDegree, kLastStep = 1.0 * kDegree;
-constexpr double kOther = 20.0 * kDegree;  // from the stated direction
+constexpr double kOther = 60.0 * kDegree;  // from the stated direction
 
 std::vector<Motion> some_samples(std::span<const Motion> pieces) {
   Index samples = 0;

@@ -161,7 +161,7 @@ TEST_F(RobotLogs, ADropoutIsNoOtherUnit) {
   };
   std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
   for (auto& [title, signal] : columns) {
-    signal = dropping(signal, title.ends_with("pos") ? -3.7 : 0.0);
+    signal = dropping(signal, title.ends_with("pos") ? -6.0 : 0.0);
   }
   const ModelProposal robot = proposed({"waist", "wrist"}, columns);
   for (const OpenQuestion& question : robot.questions) {
