@@ -222,6 +222,12 @@ std::vector<PageFile> files_of(const RobustArguments& arguments) {
   return files;
 }
 
+SampleOptima counted_optima(const RobustProblem& problem, const SolveOptions& options) {
+  CountProgress progress("optimum of sample", problem.samples.size());
+  return sample_optima(problem.samples, options,
+                       [&](std::size_t done) { static_cast<void>(progress.update(done)); });
+}
+
 int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
   if (!(arguments.reference == "optimum" || arguments.reference == "none")) {
     throw InputError(
@@ -239,11 +245,7 @@ int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
 
   SolveOptions reference = arguments.options;
   reference.duality_gap = std::min(kReferenceGap, arguments.options.duality_gap);
-  const SampleOptima optima = [&] {
-    CountProgress progress("optimum of sample", problem.samples.size());
-    return sample_optima(problem.samples, reference,
-                         [&](std::size_t done) { static_cast<void>(progress.update(done)); });
-  }();
+  const SampleOptima optima = counted_optima(problem, reference);
   if (problem.objective == RobustObjective::kWorstCase && arguments.reference == "optimum") {
     problem.references = optima.log_det;
   }
