@@ -195,7 +195,7 @@ bool CountProgress::update(std::size_t done) {
   const auto now = Clock::now();
   if (!counting_ && done > 0) {
     counting_ = true;
-    // Counts that begin later, or come with the announcement, say nothing of the time a piece takes.
+    // Counts that begin later, or come with the announcement, do not tell what a piece takes.
     if (done > 1 || now - start_ < kAtOnce) {
       before_ = done;
       start_ = now;
