@@ -101,7 +101,8 @@ int run(int argc, char** argv) {
   } catch (const graybox::InputError& error) {
     return complain(error.what());
   } catch (const graybox::Stopped&) {
-    complain("stopped before there was anything to hand over");
+    complain(graybox::stop_was_asked_for() ? "interrupted before there was anything to hand over"
+                                           : "stopped before there was anything to hand over");
     return graybox::cli::kShort;
   } catch (const std::bad_alloc& error) {
     complain(graybox::describe_shortage(error));

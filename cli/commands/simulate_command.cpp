@@ -49,7 +49,8 @@ SimulationOutcome run(const SimulateArguments& arguments) {
       .keep_going = [] { return !interrupted(); },
       .report = [&](std::size_t done, std::size_t) { (void)progress.update(done); },
       .forecast =
-          [](double seconds) {
+          [&](double seconds) {
+            progress.clear();
             fmt::print(stderr,
                        "graybox: this will take about {}; Ctrl-C stops, and the same command "
                        "goes on where it was\n",

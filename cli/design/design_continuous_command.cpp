@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -95,6 +97,7 @@ struct GridOptimum {
 GridOptimum optimum_on(const InformationSet& set, int threads) {
   const Solution solution =
       ColumnGeneration().solve(set, {.duality_gap = kRefinementGap, .threads = threads});
+  stop_if_requested();  // which would have cut it short
   const Certificate certificate = certify(set, solution.design);
   return {set.candidate_count(), certificate.support_size, certificate.log_det};
 }
@@ -143,6 +146,7 @@ struct Outcome {
   std::vector<GridOptimum> grids;
   std::vector<Sensitivity> sensitivities;
   double dimension = 0.0;
+  bool interrupted = false;  // before all that was asked for was there
 
   // The largest sensitivity that anything found, over d, minus 1.
   [[nodiscard]] double bound() const {
@@ -232,7 +236,8 @@ void print(const ContinuousArguments& arguments, const InformationSet& grid,
            const Outcome& outcome) {
   const ContinuousResult& result = outcome.result;
   const auto percent = [](double share) { return 100.0 * share; };
-  fmt::print("continuous design: {}\n", to_string(outcome.report.status));
+  fmt::print("continuous design: {}\n",
+             outcome.interrupted ? "interrupted" : to_string(outcome.report.status));
   fmt::print("  gap           {:.3e} found by local search (asked {:.3g}), {} rounds\n", result.gap,
              arguments.options.duality_gap, result.rounds.size());
   fmt::print("  certificate   {:.3e} over the {} grid points and the support (proven)\n",
@@ -290,14 +295,19 @@ nlohmann::ordered_json to_json(const Outcome& outcome) {
 
 // The points of a refined grid that lie in the box.
 RefinedBound bound_by(std::size_t count, const RobotSpace& space, const ContinuousResult& result,
-                      int threads) {
+                      int threads, CountProgress& progress) {
+  progress.begin(fmt::format("refined grid of {} points", count));
   const PositionTable table = space.inside(robot_grid(count));
   return refined_bound(
       space, result, table.count(),
       [&](std::size_t i, std::span<double> out) {
         std::ranges::copy(table.position(i), out.begin());
       },
-      kBoundSearches, threads);
+      kBoundSearches, threads,
+      [&](std::string_view piece, std::size_t done, std::size_t total) {
+        if (done == 0) progress.begin(fmt::format("refined grid: {}", piece), total);
+        static_cast<void>(progress.update(done));
+      });
 }
 
 // The design, judged over grid and support.
@@ -316,21 +326,26 @@ void judge_continuous(const ContinuousArguments& arguments, const DesignedSet& d
     outcome.report.status = outcome.result.status == SolveStatus::kTimeLimit
                                 ? ReportStatus::kTimeLimit
                                 : ReportStatus::kIterationLimit;
+    outcome.interrupted = interrupted() && outcome.result.status == SolveStatus::kTimeLimit;
     outcome.report.message =
-        "the searches still find larger sensitivities; this is the best so far";
+        outcome.interrupted
+            ? "interrupted; this is the best design so far"
+            : "the searches still find larger sensitivities; this is the best so far";
   }
   outcome.report.problem_hash = designed.set.content_hash();
 }
 
 // Bounds by refined grids, optima on other grids, and robots with other stiffness.
 void compare_continuous(const ContinuousArguments& arguments, const RobotModel& robot,
-                        const RobotSpace& space, Outcome& outcome) {
+                        const RobotSpace& space, CountProgress& progress, Outcome& outcome) {
   const int threads = arguments.options.threads;
+  bool complete = true;
   try {
     for (const std::size_t count : arguments.refined) {
-      outcome.bounds.push_back(bound_by(count, space, outcome.result, threads));
+      outcome.bounds.push_back(bound_by(count, space, outcome.result, threads, progress));
     }
   } catch (const Stopped&) {  // the bounds so far
+    complete = false;
   }
   if (outcome.report.status == ReportStatus::kSolved &&
       outcome.bound() > arguments.options.duality_gap) {
@@ -340,17 +355,24 @@ void compare_continuous(const ContinuousArguments& arguments, const RobotModel& 
   }
   try {
     for (const std::size_t count : arguments.refinement) {
+      progress.begin(fmt::format("optimum on a grid of {} points", count));
       outcome.grids.push_back(optimum_on(
           robot_information_set(robot, space.inside(robot_grid(count)), {.threads = threads}),
           threads));
     }
+    if (!arguments.tables.empty()) progress.begin("stiffness error", std::size(kThetaErrors));
     for (const double error : kThetaErrors) {
       if (arguments.tables.empty()) break;
       outcome.sensitivities.push_back(
           sensitivity_to(error, arguments.samples, robot, outcome.result));
+      static_cast<void>(progress.update(outcome.sensitivities.size()));
     }
   } catch (const Stopped&) {  // the grids and samples so far
+    complete = false;
   }
+  if (complete || !interrupted() || outcome.interrupted) return;
+  outcome.interrupted = true;
+  outcome.report.message = "interrupted; bounds and comparisons are those made until then";
 }
 
 void write_continuous(const ContinuousArguments& arguments, const InformationSet& grid,
@@ -375,12 +397,14 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   bench::pin_threads(threads, invocation.arguments);
   const RobotModel robot = load_robot(arguments.robot);
   const RobotSpace space(robot, joint_ranges(arguments, robot));
+  CountProgress progress("information matrices of the grid");
   const InformationSet grid = robot_information_set(
       robot, space.inside(load_positions(arguments.robot, robot)), {.threads = threads});
   grid.validate();
 
   catch_interrupts();
-  CountProgress progress("round", static_cast<std::size_t>(arguments.options.round_limit));
+  progress.begin("round", static_cast<std::size_t>(std::max(0, arguments.options.round_limit)),
+                 CountProgress::Total::kAtMost);
   const auto start = std::chrono::steady_clock::now();
   Outcome outcome;
   outcome.dimension = static_cast<double>(grid.dimension());
@@ -395,14 +419,15 @@ int design_continuous(const ContinuousArguments& arguments, Invocation& invocati
   const DesignedSet designed = grid_and_support(space, grid, outcome.result);
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   judge_continuous(arguments, designed, seconds.count(), outcome);
-  compare_continuous(arguments, robot, space, outcome);
+  compare_continuous(arguments, robot, space, progress, outcome);
+  progress.clear();
   write_continuous(arguments, grid, designed, outcome);
   if (arguments.json) {
     fmt::print("{}\n", to_json(outcome).dump());
   } else {
     print(arguments, grid, outcome);
   }
-  return outcome.report.status == ReportStatus::kSolved ? kDone : kShort;
+  return outcome.report.status == ReportStatus::kSolved && !outcome.interrupted ? kDone : kShort;
 }
 
 constexpr const char* kContinuousFooter =

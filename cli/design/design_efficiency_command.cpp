@@ -256,7 +256,7 @@ int efficiency(const EfficiencyArguments& arguments) {
   {
     constexpr std::size_t kWriteEvery = 20;
     CountProgress progress("sample", thetas.size());
-    while (table.size() < thetas.size() && progress.update(table.size() + 1)) {
+    while (table.size() < thetas.size() && progress.update(table.size())) {
       table.add(row_of(table.size()));
       if (table.size() % kWriteEvery == 0) table.write();
     }

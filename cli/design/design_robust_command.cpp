@@ -91,10 +91,10 @@ Samples make_samples(const RobustArguments& arguments) {
   samples.sets.reserve(stiffness.samples);
   CountProgress progress("information matrices of sample", stiffness.samples);
   for (const Eigen::VectorXd& theta : samples.thetas) {
-    static_cast<void>(progress.update(samples.sets.size() + 1));
     samples.sets.push_back(robot_information_set(with_stiffness_factors(robot, theta), positions,
                                                  {.threads = arguments.options.threads})
                                .renamed(fmt::format("sample {}", samples.sets.size())));
+    static_cast<void>(progress.update(samples.sets.size()));
   }
   samples.description =
       fmt::format("{}: {} samples of its stiffness within {:g} % (seed {}), each {}", robot.name,
@@ -174,7 +174,7 @@ std::string describe_work(const SolveReport& report) {
 
 std::string describe_status(const SolveReport& report) {
   const std::string message = report.message.empty() ? "" : " (" + report.message + ")";
-  return fmt::format("{}: {}{}\n", report.solver, to_string(report.status), message);
+  return fmt::format("{}: {}{}\n", report.solver, status_word(report.status), message);
 }
 
 std::string describe_gap(const SolveReport& report) {
@@ -222,6 +222,12 @@ std::vector<PageFile> files_of(const RobustArguments& arguments) {
   return files;
 }
 
+SampleOptima counted_optima(const RobustProblem& problem, const SolveOptions& options) {
+  CountProgress progress("optimum of sample", problem.samples.size());
+  return sample_optima(problem.samples, options,
+                       [&](std::size_t done) { static_cast<void>(progress.update(done)); });
+}
+
 int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
   if (!(arguments.reference == "optimum" || arguments.reference == "none")) {
     throw InputError(
@@ -239,7 +245,7 @@ int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
 
   SolveOptions reference = arguments.options;
   reference.duality_gap = std::min(kReferenceGap, arguments.options.duality_gap);
-  const SampleOptima optima = sample_optima(problem.samples, reference);
+  const SampleOptima optima = counted_optima(problem, reference);
   if (problem.objective == RobustObjective::kWorstCase && arguments.reference == "optimum") {
     problem.references = optima.log_det;
   }
@@ -250,7 +256,11 @@ int design_for_samples(const RobustArguments& arguments, DesignOutput& shown) {
   SolveReport report = report_of(problem.first(), "robust_column_generation", arguments.options,
                                  answer.solution, proof.certificate);
   report.problem = samples.description;
-  if (report.message.empty()) report.message = optima.message;
+  if (report.message.empty()) {
+    report.message = interrupted() && optima.status == SolveStatus::kTimeLimit
+                         ? "interrupted before the optimum of every sample was found"
+                         : optima.message;
+  }
 
   const std::vector<double> efficiency = efficiencies(proof, optima, problem.first().dimension());
   const Json objective = objective_entry(arguments, samples, optima, proof, efficiency);

@@ -84,13 +84,18 @@ std::string summary_table(const std::vector<StageSummary>& summaries) {
 std::vector<StageRecord> run(const RobotModel& robot, const PositionTable& positions,
                              const SequentialOptions& options) {
   catch_interrupts();
-  CountProgress progress("repetition", static_cast<std::size_t>(options.repetitions));
+  CountProgress progress(fmt::format("information matrices of {} positions", positions.count()));
   std::vector<StageRecord> records;
-  std::size_t finished = 0;
-  run_sequential_study(robot, positions, options, [&](const std::vector<StageRecord>& repetition) {
-    records.insert(records.end(), repetition.begin(), repetition.end());
-    return progress.update(++finished);
-  });
+  run_sequential_study(
+      robot, positions, options,
+      [&](const std::vector<StageRecord>& repetition) {
+        records.insert(records.end(), repetition.begin(), repetition.end());
+        return !interrupted();
+      },
+      [&](std::size_t done, std::size_t total) {
+        if (done == 0) progress.begin("stage", total);
+        (void)progress.update(done);
+      });
   std::ranges::stable_sort(records, {}, &StageRecord::repetition);
   return records;
 }
@@ -154,11 +159,16 @@ int design_sequential(const SequentialArguments& arguments, Invocation& invocati
   if (!arguments.summary.empty()) write_text_file(arguments.summary, summary_table(summaries));
   files.commit();
   const std::size_t finished = summaries.empty() ? 0 : summaries.front().repetitions;
+  const bool cut =
+      interrupted() && finished < static_cast<std::size_t>(arguments.options.repetitions);
+  const std::string ending = fmt::format("{}{} of {} repetitions", cut ? "interrupted after " : "",
+                                         finished, arguments.options.repetitions);
   if (arguments.json) {
+    if (cut) fmt::print(stderr, "graybox: {}\n", ending);
     fmt::print("{}\n", to_json(arguments, finished, summaries).dump());
   } else {
-    print_summary(summaries);
-    fmt::print("{} of {} repetitions\n", finished, arguments.options.repetitions);
+    if (!summaries.empty()) print_summary(summaries);
+    fmt::print("{}\n", ending);
     if (!arguments.output.empty()) fmt::print("wrote {}\n", arguments.output);
     if (!arguments.summary.empty()) fmt::print("wrote {}\n", arguments.summary);
   }

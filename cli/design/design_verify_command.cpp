@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -28,6 +29,7 @@
 #include "problems/base/packed_matrix.hpp"
 #include "problems/base/random.hpp"
 #include "problems/base/sha256.hpp"
+#include "problems/base/stop.hpp"
 #include "problems/files/atomic_file.hpp"
 #include "problems/files/files_together.hpp"
 #include "problems/robot_information/robot_information.hpp"
@@ -113,6 +115,8 @@ using StudyDesigns = std::vector<StudiedDesign>;
 
 StudyDesigns make_designs(const VerifyArguments& arguments, const RobotModel& robot) {
   const PositionTable positions = load_positions(arguments.robot, robot);
+  const CountProgress progress(
+      fmt::format("information matrices of {} positions and their design", positions.count()));
   const InformationSet set =
       robot_information_set(robot, positions, {.threads = arguments.threads});
   const Design relaxed = relaxed_design(arguments, set);
@@ -245,6 +249,29 @@ std::vector<StudyTask> open_tasks(const VerifyArguments& arguments, const StudyD
     }
   }
   return tasks;
+}
+
+// Adds the rows of the tasks as they are finished. Recordings and responses, which take very
+// different times, are counted apart. False where the work was stopped.
+bool run_tasks(const EfficiencyStudy& efficiency, const std::vector<StudyTask>& tasks, int threads,
+               Rows& rows) {
+  for (const StudyData data : {StudyData::kRecordings, StudyData::kResponses}) {
+    std::vector<StudyTask> part;
+    std::ranges::copy_if(tasks, std::back_inserter(part),
+                         [&](const StudyTask& task) { return task.data == data; });
+    if (part.empty()) continue;
+    CountProgress progress(fmt::format("fit of {}", to_string(data)), part.size());
+    std::size_t done = 0;
+    try {
+      run_efficiency_study(efficiency, part, threads, [&](const EstimateRow& row) {
+        rows.add(row);
+        return progress.update(++done);
+      });
+    } catch (const Stopped&) {  // in the middle of a fit; the finished ones stand
+    }
+    if (done < part.size()) return false;
+  }
+  return true;
 }
 
 // ---- tables -------------------------------------------------------------------------------------
@@ -493,17 +520,9 @@ int verify(const VerifyArguments& arguments, Invocation& invocation) {
             identity_of(arguments, study, efficiency));
   const std::vector<StudyTask> tasks = open_tasks(arguments, study, rows.all());
   catch_interrupts(OnStop::kLosesNothing);
-  std::size_t done = 0;
-  {
-    CountProgress progress("fit", tasks.size());
-    run_efficiency_study(efficiency, tasks, arguments.threads, [&](const EstimateRow& row) {
-      rows.add(row);
-      return progress.update(++done);
-    });
-  }
-  if (done < tasks.size()) {
-    fmt::print(stderr, "graybox: interrupted after {} fits; the same command goes on from here\n",
-               rows.all().size());
+  if (!run_tasks(efficiency, tasks, arguments.threads, rows)) {
+    fmt::print(stderr, "graybox: {} after {} fits; the same command goes on from here\n",
+               interrupted() ? "interrupted" : "stopped by the time limit", rows.all().size());
     return kShort;
   }
   std::vector<StudySummary> summaries;

@@ -9,12 +9,14 @@
 #include <utility>
 #include <vector>
 
+#include "bench/study/progress.hpp"
 #include "cli/process/interrupt.hpp"
 
 namespace graybox::cli {
 namespace {
 
 constexpr std::size_t kShownSupport = 10;
+constexpr std::chrono::milliseconds kAtOnce(100);  // between two lines of progress
 
 std::string bytes_text(double bytes) {
   if (bytes < 1e6) return fmt::format("{:.1f} kB", bytes / 1e3);
@@ -78,6 +80,11 @@ const char* name_of_value(CriterionKind kind) {
   return "";
 }
 
+std::string_view status_word(ReportStatus status) {
+  if (status == ReportStatus::kTimeLimit && interrupted()) return "interrupted";
+  return to_string(status);
+}
+
 std::string describe(const InformationSet& set) {
   const std::string form =
       set.has_factors() ? fmt::format(" as factors of rank {}", set.rank()) : std::string();
@@ -89,7 +96,7 @@ std::string describe(const InformationSet& set) {
 std::string describe(const SolveReport& report) {
   const Certificate& certificate = report.certificate;
   std::string text = fmt::format("{}: {}", report.solver.empty() ? "design" : report.solver,
-                                 to_string(report.status));
+                                 status_word(report.status));
   if (!report.message.empty()) text += fmt::format(" ({})", report.message);
   text += '\n';
   if (certificate.status == CertificateStatus::kCertified) {
@@ -161,19 +168,70 @@ bool Progress::on_progress(const TracePoint& point) {
   return !interrupted();
 }
 
-CountProgress::CountProgress(std::string noun, std::size_t total)
-    : noun_(std::move(noun)), total_(total), terminal_(isatty(STDERR_FILENO) == 1) {}
+CountProgress::CountProgress(std::string stage) : terminal_(isatty(STDERR_FILENO) == 1) {
+  begin(std::move(stage));
+}
 
-CountProgress::~CountProgress() {
-  if (terminal_) std::fputs("\r\033[K", stderr);
+CountProgress::CountProgress(std::string noun, std::size_t total)
+    : terminal_(isatty(STDERR_FILENO) == 1) {
+  begin(std::move(noun), total);
+}
+
+CountProgress::~CountProgress() { clear(); }
+
+void CountProgress::begin(std::string stage) { begin(std::move(stage), 0); }
+
+void CountProgress::begin(std::string noun, std::size_t total, Total kind) {
+  noun_ = std::move(noun);
+  total_ = total;
+  kind_ = kind;
+  counting_ = false;
+  before_ = 0;
+  start_ = Clock::now();
+  write(0);
 }
 
 bool CountProgress::update(std::size_t done) {
-  if (terminal_) {
-    fmt::print(stderr, "\r\033[K{} {} of {}", noun_, done, total_);
-    std::fflush(stderr);
+  const auto now = Clock::now();
+  if (!counting_ && done > 0) {
+    counting_ = true;
+    // Counts that begin later, or come with the announcement, do not tell what a piece takes.
+    if (done > 1 || now - start_ < kAtOnce) {
+      before_ = done;
+      start_ = now;
+    }
   }
+  if (now >= next_) write(done);
   return !interrupted();
+}
+
+std::string CountProgress::time_left(std::size_t done) const {
+  const std::chrono::duration<double> elapsed = Clock::now() - start_;
+  if (done <= before_ || done >= total_ || elapsed < kAtOnce) return "";
+  const double seconds =
+      elapsed.count() * static_cast<double>(total_ - done) / static_cast<double>(done - before_);
+  return fmt::format(", {} {} left", kind_ == Total::kExact ? "about" : "at most about",
+                     bench::readable_duration(seconds));
+}
+
+void CountProgress::write(std::size_t done) {
+  if (!terminal_) return;
+  next_ = Clock::now() + kAtOnce;
+  written_ = true;
+  if (total_ == 0) {
+    fmt::print(stderr, "\r\033[K{} ...", noun_);
+  } else {
+    fmt::print(stderr, "\r\033[K{} {} of {}{}{}", noun_, done,
+               kind_ == Total::kExact ? "" : "at most ", total_, time_left(done));
+  }
+  std::fflush(stderr);
+}
+
+void CountProgress::clear() {
+  if (!written_) return;
+  written_ = false;
+  std::fputs("\r\033[K", stderr);
+  std::fflush(stderr);
 }
 
 }  // namespace graybox::cli

@@ -23,7 +23,14 @@ constexpr int kPatienceMicroseconds = 700'000;
 constexpr double kReadingPatience = 0.5;  // s
 constexpr double kLongestWait = 1e8;      // s: steady_clock counts nanoseconds
 
+volatile std::sig_atomic_t at_terminal = 0;  // standard error is one
+
+// On a terminal in place of the line of progress.
 void say(std::string_view line) {
+  constexpr std::string_view kClear = "\r\033[K";
+  if (at_terminal != 0) {
+    [[maybe_unused]] const auto cleared = write(STDERR_FILENO, kClear.data(), kClear.size());
+  }
   [[maybe_unused]] const auto written = write(STDERR_FILENO, line.data(), line.size());
 }
 
@@ -60,6 +67,7 @@ void handle(int signal, void (*handler)(int), int flags) {
 }  // namespace
 
 void answer_interrupts() {
+  at_terminal = isatty(STDERR_FILENO);
   for (const int signal : {SIGINT, SIGTERM}) {
     struct sigaction present {};
     sigaction(signal, nullptr, &present);

@@ -7,6 +7,8 @@
 #include <atomic>
 #include <cmath>
 #include <exception>
+#include <functional>
+#include <iterator>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -33,6 +35,7 @@ constexpr double kTruthGap = 1e-8;   // of the optimum that efficiencies are mea
 constexpr double kRejection = 4.0;   // lack of fit from which a fit counts as rejected
 
 using Counts = std::vector<std::int64_t>;
+using AfterStage = std::function<void()>;  // called from several threads
 
 std::int64_t total(std::span<const std::int64_t> counts) {
   return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
@@ -87,7 +90,7 @@ class Study {
     best_log_det_ = InverseCholesky(truth_.dimension()).log_det_of(matrix);
   }
 
-  [[nodiscard]] std::vector<StageRecord> repetition(int number) const;
+  [[nodiscard]] std::vector<StageRecord> repetition(int number, const AfterStage& after) const;
 
  private:
   struct State {
@@ -100,7 +103,8 @@ class Study {
   [[nodiscard]] std::uint64_t seed_of(int repetition, int stage, bool random_positions) const;
   [[nodiscard]] std::vector<StageRecord> run(DesignStrategy strategy, int number,
                                              const Eigen::VectorXd& start,
-                                             const InformationSet& start_set) const;
+                                             const InformationSet& start_set,
+                                             const AfterStage& after) const;
   [[nodiscard]] Counts choose(DesignStrategy strategy, const State& state,
                               const InformationSet& set, Random& random) const;
   void measure(const Counts& chosen, Random& random, State& state) const;
@@ -142,21 +146,21 @@ Eigen::VectorXd Study::wrong_start(int number) const {
   return theta;
 }
 
-std::vector<StageRecord> Study::repetition(int number) const {
+std::vector<StageRecord> Study::repetition(int number, const AfterStage& after) const {
   const Eigen::VectorXd start = wrong_start(number);
   const InformationSet start_set =
       robot_information_set(with_stiffness_factors(robot_, start), positions_);
   std::vector<StageRecord> records;
   for (const DesignStrategy strategy : kDesignStrategies) {
-    const std::vector<StageRecord> stages = run(strategy, number, start, start_set);
+    const std::vector<StageRecord> stages = run(strategy, number, start, start_set, after);
     records.insert(records.end(), stages.begin(), stages.end());
   }
   return records;
 }
 
 std::vector<StageRecord> Study::run(DesignStrategy strategy, int number,
-                                    const Eigen::VectorXd& start,
-                                    const InformationSet& start_set) const {
+                                    const Eigen::VectorXd& start, const InformationSet& start_set,
+                                    const AfterStage& after) const {
   State state{Counts(positions_.count(), 0), {}, start};
   std::vector<StageRecord> records;
   StageRecord record;
@@ -179,6 +183,7 @@ std::vector<StageRecord> Study::run(DesignStrategy strategy, int number,
     if (result.status != FitStatus::kFailed) state.theta = result.theta;
     judge(state, record);
     records.push_back(record);
+    after();
     if (strategy == DesignStrategy::kSequential && stage < options_.stages) {
       if (auto next = redesign_set(state.theta)) estimated.emplace(std::move(*next));
     }
@@ -320,18 +325,29 @@ std::vector<std::int64_t> next_experiments(const InformationSet& set,
   return std::move(best.counts);
 }
 
-void run_sequential_study(
-    const RobotModel& robot, const PositionTable& positions, const SequentialOptions& options,
-    const std::function<bool(const std::vector<StageRecord>&)>& on_repetition) {
+void run_sequential_study(const RobotModel& robot, const PositionTable& positions,
+                          const SequentialOptions& options,
+                          const std::function<bool(const std::vector<StageRecord>&)>& on_repetition,
+                          const std::function<void(std::size_t, std::size_t)>& on_stage) {
   check(options);
   const Study study(robot, positions, options);
+  const std::size_t total = std::size(kDesignStrategies) *
+                            static_cast<std::size_t>(options.stages) *
+                            static_cast<std::size_t>(options.repetitions);
+  std::size_t done = 0;
+  const AfterStage after = [&] {
+    if (!on_stage) return;
+#pragma omp critical(graybox_sequential_stage)
+    on_stage(++done, total);
+  };
+  if (on_stage) on_stage(0, total);
   std::atomic<bool> stopped = false;
   std::exception_ptr failure;
 #pragma omp parallel for num_threads(options.threads) schedule(dynamic, 1)
   for (int number = 0; number < options.repetitions; ++number) {
     if (stopped) continue;
     try {
-      const std::vector<StageRecord> records = study.repetition(number);
+      const std::vector<StageRecord> records = study.repetition(number, after);
 #pragma omp critical(graybox_sequential_design)
       if (!stopped && !on_repetition(records)) stopped = true;
     } catch (const Stopped&) {  // in the middle of this repetition; the finished ones stand

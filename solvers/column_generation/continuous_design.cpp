@@ -42,12 +42,16 @@ double distance(const CandidateSpace& space, std::span<const double> a, std::spa
   return largest;
 }
 
+using Count = std::function<void(std::size_t done, std::size_t total)>;
+
 // Runs work(evaluator, index) for index < count, evaluators one a thread; rethrows the exception of
 // the first index that failed.
 template <class Work>
-void for_each(const CandidateSpace& space, std::size_t count, int threads, const Work& work) {
+void for_each(const CandidateSpace& space, std::size_t count, int threads, const Work& work,
+              const Count& on_done = {}) {
   std::exception_ptr failure;
-  std::size_t failed = count;
+  std::size_t failed = count, done = 0;
+  if (on_done) on_done(0, count);
 #pragma omp parallel num_threads(threads)
   {
     const auto evaluator = space.evaluator();
@@ -57,6 +61,10 @@ void for_each(const CandidateSpace& space, std::size_t count, int threads, const
       try {
         stop_if_requested();
         work(*evaluator, index);
+        if (on_done) {
+#pragma omp critical(graybox_continuous_count)
+          on_done(++done, count);
+        }
       } catch (...) {
 #pragma omp critical(graybox_continuous_design)
         if (index < failed) {
@@ -81,24 +89,27 @@ using WritePoint = std::function<void(std::size_t, std::span<double>)>;
 
 // The sensitivity of many points, a block of them at a time.
 void price(const CandidateSpace& space, std::span<const double> trace_dual, std::size_t count,
-           const WritePoint& points, int threads, std::vector<double>& out) {
+           const WritePoint& points, int threads, std::vector<double>& out,
+           const Count& on_done = {}) {
   constexpr std::size_t kBlock = 256;
-  for_each(space, (count + kBlock - 1) / kBlock, threads,
-           [&](InformationEvaluator& evaluator, std::size_t block) {
-             std::vector<double> point(space.coordinate_count()), packed;
-             for (std::size_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
-               points(i, point);
-               out[i] = sensitivity_at(evaluator, point, trace_dual, packed);
-             }
-           });
+  for_each(
+      space, (count + kBlock - 1) / kBlock, threads,
+      [&](InformationEvaluator& evaluator, std::size_t block) {
+        std::vector<double> point(space.coordinate_count()), packed;
+        for (std::size_t i = block * kBlock; i < std::min(count, (block + 1) * kBlock); ++i) {
+          points(i, point);
+          out[i] = sensitivity_at(evaluator, point, trace_dual, packed);
+        }
+      },
+      on_done);
 }
 
 // A local maximum of the sensitivity from each start.
 std::vector<Maximum> search(const CandidateSpace& space, std::span<const double> trace_dual,
                             const std::vector<std::vector<double>>& starts, double tolerance,
-                            int threads) {
+                            int threads, const Count& on_done = {}) {
   std::vector<Maximum> maxima(starts.size());
-  for_each(space, starts.size(), threads, [&](InformationEvaluator& evaluator, std::size_t i) {
+  const auto from_start = [&](InformationEvaluator& evaluator, std::size_t i) {
     std::vector<double> packed;
     BoxSearch box(space.lower(), space.upper());
     maxima[i].point = starts[i];
@@ -107,7 +118,8 @@ std::vector<Maximum> search(const CandidateSpace& space, std::span<const double>
           return sensitivity_at(evaluator, point, trace_dual, packed);
         },
         maxima[i].point, {.tolerance = tolerance});
-  });
+  };
+  for_each(space, starts.size(), threads, from_start, on_done);
   return maxima;
 }
 
@@ -176,7 +188,13 @@ class Run {
     const bool solved = improve(columns, options_.round_limit);
     take(columns);
     result_.unmerged_support = result_.support_size();
-    if (solved) merge(columns);
+    if (!solved) return result_;
+    const ContinuousResult unmerged = result_;
+    try {
+      merge(columns);
+    } catch (const Stopped&) {  // the design as it was found stands
+      result_ = unmerged;
+    }
     return result_;
   }
 
@@ -489,12 +507,17 @@ DesignedSet grid_and_support(const CandidateSpace& space, const InformationSet& 
 RefinedBound refined_bound(const CandidateSpace& space, const ContinuousResult& result,
                            std::size_t count,
                            const std::function<void(std::size_t, std::span<double>)>& points,
-                           std::size_t searches, int threads) {
+                           std::size_t searches, int threads, const WorkObserver& observer) {
+  const auto counted = [&](std::string_view piece) {
+    if (!observer) return Count();
+    return Count(
+        [&observer, piece](std::size_t done, std::size_t total) { observer(piece, done, total); });
+  };
   const std::vector<double> dual = trace_dual_of(space, result);
   const std::size_t n = space.coordinate_count();
   const auto d = static_cast<double>(space.dimension());
   std::vector<double> sensitivity(count);
-  price(space, dual, count, points, threads, sensitivity);
+  price(space, dual, count, points, threads, sensitivity, counted("priced block"));
   std::vector<std::size_t> order(count);
   std::iota(order.begin(), order.end(), std::size_t{0});
   searches = std::min(searches, count);
@@ -507,7 +530,8 @@ RefinedBound refined_bound(const CandidateSpace& space, const ContinuousResult& 
   bound.largest_priced = sensitivity[order.front()] / d - 1.0;
   std::vector<std::vector<double>> starts(searches, std::vector<double>(n));
   for (std::size_t k = 0; k < searches; ++k) points(order[k], starts[k]);
-  const std::vector<Maximum> ends = search(space, dual, starts, 1e-9 * d, threads);
+  const std::vector<Maximum> ends =
+      search(space, dual, starts, 1e-9 * d, threads, counted("search"));
   const std::vector<Maximum> different = separate(space, ends, kSameMaximum);
   bound.largest_searched = different.front().sensitivity / d - 1.0;
   bound.maxima = different.size();

@@ -30,6 +30,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "problems/information/candidate_space.hpp"
@@ -110,10 +111,15 @@ struct RefinedBound {
   std::size_t maxima = 0;
   std::size_t seen_once = 0;
 };
-// points(i, out) writes point i < count; it is called from several threads.
+// Watches work that is counted: first with 0, then after each piece; one call at a time.
+using WorkObserver =
+    std::function<void(std::string_view piece, std::size_t done, std::size_t total)>;
+
+// points(i, out) writes point i < count; it is called from several threads. The pieces of work are
+// blocks of points ("priced block"), then "search".
 [[nodiscard]] RefinedBound refined_bound(
     const CandidateSpace& space, const ContinuousResult& result, std::size_t count,
     const std::function<void(std::size_t, std::span<double>)>& points, std::size_t searches,
-    int threads);
+    int threads, const WorkObserver& observer = {});
 
 }  // namespace graybox

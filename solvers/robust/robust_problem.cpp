@@ -113,7 +113,8 @@ void require_shared_candidates(const RobustProblem& problem) {
 }
 
 SampleOptima sample_optima(const std::vector<const InformationSet*>& samples,
-                           const SolveOptions& options) {
+                           const SolveOptions& options,
+                           const std::function<void(std::size_t)>& on_sample) {
   SampleOptima optima;
   const ColumnGeneration solver;
   for (std::size_t s = 0; s < samples.size(); ++s) {
@@ -129,6 +130,7 @@ SampleOptima sample_optima(const std::vector<const InformationSet*>& samples,
     optima.duality_gap = std::max(optima.duality_gap, certificate.duality_gap);
     optima.log_det.push_back(certificate.log_det);
     optima.designs.push_back(std::move(solution.design));
+    if (on_sample) on_sample(s + 1);
   }
   return optima;
 }

@@ -16,6 +16,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -59,8 +60,10 @@ struct SampleOptima {
   SolveStatus status = SolveStatus::kSolved;
   std::string message;
 };
+// on_sample hears how many are found, after each.
 [[nodiscard]] SampleOptima sample_optima(const std::vector<const InformationSet*>& samples,
-                                         const SolveOptions& options);
+                                         const SolveOptions& options,
+                                         const std::function<void(std::size_t)>& on_sample = {});
 
 // The checker. For multipliers pi on the simplex, phi_s concave and w_i = sum_s pi_s tr(M_s^-1
 // H_{s,i}), every design lambda' has

@@ -161,6 +161,20 @@ TEST_F(SequentialStudy, DoesNotDependOnThreadsAndStopsWhenTold) {
   EXPECT_EQ(calls, 2);
 }
 
+TEST_F(SequentialStudy, CountsItsStages) {
+  SequentialOptions options = quick_options();
+  options.stages = 1;
+  options.start_error = 0.1;
+  std::size_t next = 0;
+  run_sequential_study(
+      quick_robot(), robot_grid(100), options, [](const std::vector<StageRecord>&) { return true; },
+      [&](std::size_t done, std::size_t total) {
+        EXPECT_EQ(done, next++);
+        EXPECT_EQ(total, 2U * 4U * 1U);
+      });
+  EXPECT_EQ(next, 9U);
+}
+
 TEST_F(SequentialStudy, RefusesBadOptions) {
   const auto refused = [](auto&& spoil) {
     SequentialOptions options = quick_options();

@@ -11,6 +11,7 @@
 #include <numeric>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "problems/base/error.hpp"
@@ -206,7 +207,14 @@ TEST(ContinuousDesign, RefinedBoundFindsWhatTheGridMisses) {
   EXPECT_GE(loose.largest_searched, loose.largest_priced);
   EXPECT_NEAR(loose.largest_searched, on_grid.grid_gap_in_box, 1e-6);
   const ContinuousResult result = solve_continuous(space, grid, {.duality_gap = 1e-8});
-  const RefinedBound tight = refined_bound(space, result, 5001, points, 20, 1);
+  std::vector<std::string> finished;
+  const RefinedBound tight =
+      refined_bound(space, result, 5001, points, 20, 1,
+                    [&](std::string_view piece, std::size_t done, std::size_t total) {
+                      if (done == total)
+                        finished.push_back(std::string(piece) + " " + std::to_string(total));
+                    });
+  EXPECT_EQ(finished, (std::vector<std::string>{"priced block 20", "search 20"}));
   EXPECT_LE(tight.largest_priced, 1e-7);
   EXPECT_LE(tight.largest_searched, 1e-7);
   EXPECT_LE(tight.maxima, 6U);
