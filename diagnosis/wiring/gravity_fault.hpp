@@ -5,10 +5,11 @@
 // The force balance (wired_balance.hpp) is fitted with gravity of 9.81 m/s^2 along 26 directions,
 // to faces, edges and corners of a cube. From the best it goes on by steps of 20 down to 1 degrees
 // on the sphere. An axis of the base frame that does about as well stands in its place. It is
-// claimed where it is 60 degrees or more from what is stated, and of the joints whose error changes
-// by a fifth it brings the mean to half of what it was, and to 0.8 of a unit force. There it must
-// also take 0.8 of the squares that springs at all joints would, straight and cubic. For what a
-// spring carries looks like gravity that leans, by up to 50 degrees in small motion. Masses that are not known take part in the fit.
+// claimed where it is 60 degrees or more from what is stated, and of the joints whose error
+// changes by a fifth it brings the mean to half of what it was, and to 0.8 of a unit force. There
+// it must also take 0.8 of the squares that springs at all joints would, straight and cubic. For
+// what a spring carries looks like gravity that leans, by up to 50 degrees in small motion. Masses
+// that are not known take part in the fit.
 //
 // Calibration: tests/diagnosis/force_balance/wiring_faults_test.cpp. Cost: some 60 fits of 600
 // samples.
