@@ -88,8 +88,8 @@ struct StageRecord {
 // time and in any order. Returning false stops the study, and repetitions that are not finished are
 // dropped. Throws InputError for options out of range and positions that do not fit the robot.
 //
-// `on_stage` hears how many of all stages are finished, in all repetitions and strategies. That is 0 once
-// the truth's information set is there, then one more after each; one call at a time.
+// `on_stage` hears how many of all stages are finished, in all repetitions and strategies. That is
+// 0 once the truth's information set is there, then one more after each; one call at a time.
 //
 // Cost: a repetition computes stages + 1 information sets (60 us a position) and 4 stages fits.
 void run_sequential_study(
