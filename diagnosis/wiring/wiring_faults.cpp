@@ -379,6 +379,9 @@ std::vector<ChannelFault> wires_or_gravity(const RigidRobotModel& robot,
   if (wires.empty() && as_recorded < kLarge * static_cast<double>(robot.size())) return wires;
   const std::optional<GravityFault> gravity = find_gravity_fault(robot, pieces, keep_going);
   if (!gravity) return wires;
+  RigidRobotModel elsewhere = robot;
+  elsewhere.gravity = gravity->gravity;
+  if (!Detective(elsewhere, pieces, keep_going).run().empty()) return wires;
   ChannelFault fault = told(*gravity, robot);
   const double mended = detective.error();
   const bool is_better = gravity->error_after <= kAlike * mended;
