@@ -384,7 +384,9 @@ std::vector<ChannelFault> wires_or_gravity(const RigidRobotModel& robot,
   if (!Detective(elsewhere, pieces, keep_going).run().empty()) return wires;
   ChannelFault fault = told(*gravity, robot);
   const double mended = detective.error();
-  const bool is_better = gravity->error_after <= kAlike * mended;
+  // Gains that are not known take the size of every weight, and leave less to tell gravity by.
+  const bool is_better =
+      !robot.channels.unknown_drive_gains && gravity->error_after <= kAlike * mended;
   if (!is_better && wires.size() == 1) wires.front().add_rival(fault);
   if (!is_better) return wires;
   if (wires.size() == 1 && mended <= kAlike * gravity->error_after) fault.add_rival(wires.front());

@@ -26,7 +26,7 @@
 //   4. Where wires are found, or a mean error of 0.25 or more: does gravity point elsewhere
 //      (gravity_fault.hpp)? Then no wire may look wrong with gravity there: friction tells the sign
 //      of a drive whatever gravity does. It stands in the place of wires unless these leave a fifth
-//      less, and then beside a single one.
+//      less, or the drives' gains are not known, and then beside a single one.
 // A motion that is turned alone must take three fifths of the error; other faults two fifths.
 //
 // Masses that are not known take what they can of a fault. What changes no more than their values
