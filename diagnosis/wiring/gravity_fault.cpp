@@ -44,7 +44,9 @@ std::vector<Motion> some_samples(std::span<const Motion> pieces) {
 Eigen::VectorXd balance_errors(RigidRobotModel robot, const Vector3d& gravity,
                                std::span<const Motion> pieces) {
   robot.gravity = gravity;
-  return WiredBalance(robot, pieces).fit(Wiring(robot.size())).error;
+  return WiredBalance(robot, pieces, WiredBalance::Gains::kPositive)
+      .fit(Wiring(robot.size()))
+      .error;
 }
 
 std::vector<Vector3d> directions_of_a_cube() {

@@ -11,6 +11,8 @@
 // what a spring carries looks like gravity that leans, by up to 50 degrees in small motion. Masses
 // that are not known take part in the fit.
 //
+// Gains of drives that are not known are positive.
+//
 // Calibration: tests/diagnosis/force_balance/wiring_faults_test.cpp. Cost: some 60 fits of 600
 // samples.
 #pragma once

@@ -72,8 +72,10 @@ Wiring::Wiring(Index joints)
   }
 }
 
-WiredBalance::WiredBalance(const RigidRobotModel& robot, std::span<const Motion> pieces)
+WiredBalance::WiredBalance(const RigidRobotModel& robot, std::span<const Motion> pieces,
+                           Gains gains)
     : robot_(robot),
+      gains_(gains),
       joints_(robot.size()),
       pieces_(thinned(pieces)),
       columns_(robot),
@@ -208,7 +210,7 @@ VectorXd WiredBalance::force_row(const Wiring& wiring, Index j) const {
   return row;
 }
 
-// A drive's gain is not negative: what a joint's known bodies do is left out where it would be.
+// Where gains are positive, what a joint's known bodies do is left out where its would be negative.
 VectorXd WiredBalance::solve_with_gains(MatrixXd gram, VectorXd moment) const {
   const std::vector<std::string>& names = columns_.names();
   for (;;) {
@@ -222,7 +224,7 @@ VectorXd WiredBalance::solve_with_gains(MatrixXd gram, VectorXd moment) const {
       moment(column) = 0.0;
       is_negative = true;
     }
-    if (!is_negative) return parameters;
+    if (!is_negative || gains_ == Gains::kAnySign) return parameters;
   }
 }
 

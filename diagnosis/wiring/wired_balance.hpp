@@ -19,6 +19,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <deque>
 #include <span>
 #include <utility>
@@ -51,8 +52,11 @@ class WiredBalance {
  public:
   static constexpr Eigen::Index kBlocks = 10;  // of the recordings, for jackknives
 
+  enum class Gains : std::int8_t { kAnySign, kPositive };  // of drives that are not known
+
   // Keeps a reference to the robot.
-  WiredBalance(const RigidRobotModel& robot, std::span<const Motion> pieces);
+  WiredBalance(const RigidRobotModel& robot, std::span<const Motion> pieces,
+               Gains gains = Gains::kAnySign);
 
   // `left_out`: a block, or none where negative.
   [[nodiscard]] WiredFit fit(const Wiring& wiring, Eigen::Index left_out = -1);
@@ -102,6 +106,7 @@ class WiredBalance {
                        const Eigen::VectorXd& transition, Sums& sums);
 
   const RigidRobotModel& robot_;
+  Gains gains_;
   Eigen::Index joints_;
   std::vector<Motion> pieces_;  // thinned
   TorqueColumns columns_;
