@@ -160,7 +160,7 @@ std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {
   return path;
 }
 
-// Of a joint between the logged ones that can't be used.
+// This joint lies between the logged ones and can't be used: why, and what to do.
 std::string LoggedRobot::gap_words(std::size_t joint) const {
   const std::string& name = joints_[joint].name;
   const auto logged = positions_->columns.find(joint);

@@ -147,14 +147,18 @@ DriveSignals::DriveSignals(std::span<const OutputErrorRecording> recordings, Inp
                            const RecordedNodes& recorded)
     : recordings_(recordings), hold_(hold), recorded_(&recorded) {}
 
-// What a law with a memory passes: what was recorded before as well.
-Eigen::VectorXd DriveSignals::begin_before(const OutputErrorRecording& recording,
+// A law with a memory passes what was recorded before as well.
+Eigen::VectorXd DriveSignals::begin_before(const NodeInputs& plain,
+                                           const OutputErrorRecording& recording,
                                            const LumpedModel& model, double sample_time) {
   const bool goes_on = recording.past_inputs.rows() > 0;
   const Eigen::VectorXd before =
       goes_on ? Eigen::VectorXd(recording.past_inputs.row(0)) : drives_before(model, recording);
-  changed_ = node_inputs(recording.inputs_with_past(), hold_, changed_.steps_per_sample,
-                         delays_of(model, recording.inputs.cols(), sample_time), false, before);
+  const Eigen::VectorXd delays = delays_of(model, recording.inputs.cols(), sample_time);
+  const bool is_plain = !goes_on && delays.isZero(0.0);
+  changed_ = is_plain ? plain
+                      : node_inputs(recording.inputs_with_past(), hold_, plain.steps_per_sample,
+                                    delays, false, before);
   return before;
 }
 
@@ -178,10 +182,9 @@ const NodeInputs& DriveSignals::of(std::size_t recording, const LumpedModel& mod
   if (std::ranges::none_of(model.parts, is_at_actuator)) return plain;
   const OutputErrorRecording& run = recordings_[recording];
   const bool remembers = std::ranges::any_of(model.parts, has_memory);
-  changed_.steps_per_sample = plain.steps_per_sample;
   Eigen::VectorXd before;
   if (remembers) {
-    before = begin_before(run, model, sample_time);
+    before = begin_before(plain, run, model, sample_time);
   } else {
     changed_ = plain;
   }

@@ -58,7 +58,8 @@ class DriveSignals {
                                      double sample_time);
 
  private:
-  [[nodiscard]] Eigen::VectorXd begin_before(const OutputErrorRecording& recording,
+  [[nodiscard]] Eigen::VectorXd begin_before(const NodeInputs& plain,
+                                             const OutputErrorRecording& recording,
                                              const LumpedModel& model, double sample_time);
   void apply(const Element& part, double step, const Eigen::VectorXd& before);
 

@@ -155,7 +155,7 @@ Eigen::MatrixXd block_means(const Eigen::MatrixXd& values, InputHold hold, Index
   return means;
 }
 
-// Of the blocks that end where the recording begins.
+// The past inputs' means, over blocks that end where the recording begins.
 Eigen::MatrixXd past_means(const OutputErrorRecording& recording, InputHold hold, Index factor) {
   const Index count = recording.past_inputs.rows() / factor;
   if (count == 0) return {};

@@ -92,8 +92,8 @@ void note_gained_speed(const MassMachine& machine, ModelProposal& proposal) {
       motion.column->name, first, last, machine.is_linear() ? "m/s" : "rad/s"));
 }
 
-// Of a drive against which the mass speeds up. Where the mass is negative beside a spring and
-// beside a weight, what is left is a wrong sign.
+// The mass speeds up against its drive: these are the words for it. Where the mass is negative
+// beside a spring and beside a weight, what is left is a wrong sign.
 std::string sign_words(const OneMassStart& start, const std::string& unit, const std::string& who) {
   const std::string turned = " (start values are those of the turned drive)";
   if (start.is_proved) {

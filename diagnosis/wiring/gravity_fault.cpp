@@ -26,21 +26,7 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kFirstStep = 20.0 * kDegree, kLastStep = 1.0 * kDegree;
 constexpr double kOther = 60.0 * kDegree;  // from the stated direction
 
-std::vector<Motion> some_samples(std::span<const Motion> pieces) {
-  Index samples = 0;
-  for (const Motion& piece : pieces) samples += piece.samples();
-  const auto kept = Eigen::seq(Index{0}, Eigen::last, samples / kSamples + 1);
-  std::vector<Motion> result;
-  for (const Motion& piece : pieces) {
-    result.push_back({piece.time(kept), piece.position(kept, Eigen::all),
-                      piece.velocity(kept, Eigen::all), piece.acceleration(kept, Eigen::all),
-                      piece.torque(kept, Eigen::all)});
-    result.back().load = piece.load;
-  }
-  return result;
-}
-
-// Of each joint, relative.
+// The relative error of each joint.
 Eigen::VectorXd balance_errors(RigidRobotModel robot, const Vector3d& gravity,
                                std::span<const Motion> pieces) {
   robot.gravity = gravity;
@@ -175,7 +161,7 @@ std::optional<GravityFault> find_gravity_fault(const RigidRobotModel& robot,
                                                std::span<const Motion> pieces,
                                                const std::function<bool()>& keep_going) {
   const std::optional<Vector3d> best =
-      DirectionSearch(robot, some_samples(pieces), keep_going).best();
+      DirectionSearch(robot, thinned(pieces, kSamples), keep_going).best();
   if (!best) return {};
   GravityFault fault{.gravity = kLength * *best};
   if (robot.gravity.norm() > 0.0 && angle_between(robot.gravity, *best) < kOther) return {};

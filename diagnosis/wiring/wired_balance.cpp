@@ -29,21 +29,6 @@ MatrixXd rewired(const MatrixXd& signals, const std::vector<Index>& from, const 
   return signals(Eigen::all, from) * factors.asDiagonal();
 }
 
-std::vector<Motion> thinned(std::span<const Motion> pieces) {
-  Index samples = 0;
-  for (const Motion& piece : pieces) samples += piece.samples();
-  const Index stride = samples / kMostSamples + 1;
-  std::vector<Motion> result;
-  for (const Motion& piece : pieces) {
-    const auto kept = Eigen::seq(Index{0}, Eigen::last, stride);
-    result.push_back({piece.time(kept), piece.position(kept, Eigen::all),
-                      piece.velocity(kept, Eigen::all), piece.acceleration(kept, Eigen::all),
-                      piece.torque(kept, Eigen::all)});
-    result.back().load = piece.load;
-  }
-  return result;
-}
-
 Eigen::Vector3d friction(double velocity, double transition) {
   return {velocity, std::tanh(velocity / transition), 1.0};
 }
@@ -64,6 +49,21 @@ VectorXd solve(const MatrixXd& gram, const VectorXd& moment) {
 
 }  // namespace
 
+std::vector<Motion> thinned(std::span<const Motion> pieces, Index most) {
+  Index samples = 0;
+  for (const Motion& piece : pieces) samples += piece.samples();
+  const Index stride = samples / most + 1;
+  std::vector<Motion> result;
+  for (const Motion& piece : pieces) {
+    const auto kept = Eigen::seq(Index{0}, Eigen::last, stride);
+    result.push_back({piece.time(kept), piece.position(kept, Eigen::all),
+                      piece.velocity(kept, Eigen::all), piece.acceleration(kept, Eigen::all),
+                      piece.torque(kept, Eigen::all)});
+    result.back().load = piece.load;
+  }
+  return result;
+}
+
 Wiring::Wiring(Index joints)
     : force_factors(VectorXd::Ones(joints)), motion_factors(VectorXd::Ones(joints)) {
   for (Index j = 0; j < joints; ++j) {
@@ -77,7 +77,7 @@ WiredBalance::WiredBalance(const RigidRobotModel& robot, std::span<const Motion>
     : robot_(robot),
       gains_(gains),
       joints_(robot.size()),
-      pieces_(thinned(pieces)),
+      pieces_(thinned(pieces, kMostSamples)),
       columns_(robot),
       to_motors_(robot.transmission.inverse()) {}
 

@@ -48,6 +48,9 @@ struct WiredFit {
       error;  // rms of each joint, over its force's deviation from the mean; 0 where that is 0
 };
 
+// Takes every so many samples of all pieces, so that about `most` or fewer are left.
+[[nodiscard]] std::vector<Motion> thinned(std::span<const Motion> pieces, Eigen::Index most);
+
 class WiredBalance {
  public:
   static constexpr Eigen::Index kBlocks = 10;  // of the recordings, for jackknives
