@@ -70,7 +70,7 @@ std::vector<Eigen::Index> LoggedRobot::rows_beyond_limits(const AngleUnit& unit)
   for (const std::size_t joint : chain_) {
     const UrdfJoint& each = joints_[joint];
     if (each.is_prismatic || !(each.upper > each.lower)) continue;
-    const Eigen::ArrayXd q = angles(joint, unit);
+    const Eigen::ArrayXd q = places(joint, unit);
     const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
     beyond = beyond || q > each.upper + slack || q < each.lower - slack;
   }
@@ -79,6 +79,39 @@ std::vector<Eigen::Index> LoggedRobot::rows_beyond_limits(const AngleUnit& unit)
     if (beyond(k)) rows.push_back(k);
   }
   return rows;
+}
+
+void LoggedRobot::lock_others(const AngleUnit& unit) {
+  locked_.clear();
+  for (const auto& [joint, column] : positions_->columns) {
+    const UrdfJoint& each = joints_[joint];
+    if (!each.moves || std::ranges::find(chain_, joint) != chain_.end()) continue;
+    const double place = places(joint, unit).mean();
+    const double slack = (kBeyondLimits - 1.0) * (each.upper - each.lower);
+    const bool fits =
+        !(each.upper > each.lower) || (place >= each.lower - slack && place <= each.upper + slack);
+    if (place == 0.0 || !std::isfinite(place) || !fits) continue;
+    locked_[each.name] =
+        each.upper > each.lower ? std::clamp(place, each.lower, each.upper) : place;
+  }
+  joints_ = read_urdf_tree(urdf_, locked_);
+}
+
+LockedJoints LoggedRobot::locked() const {
+  std::set<std::string> links{base()};
+  LockedJoints result;
+  for (const UrdfJoint& joint : joints_) {  // parents come before children
+    if (!links.contains(joint.parent)) continue;
+    if (joint.parent == base() && joint.name != joints_[first_].name) continue;
+    links.insert(joint.child);
+    if (const auto found = locked_.find(joint.name); found != locked_.end()) result.insert(*found);
+  }
+  return result;
+}
+
+double LoggedRobot::place_of(std::size_t joint) const {
+  const auto found = locked_.find(joints_[joint].name);
+  return found == locked_.end() ? 0.0 : found->second;
 }
 
 bool LoggedRobot::fits_limits(const AngleUnit& unit) const {
@@ -90,7 +123,7 @@ bool LoggedRobot::fits_limits(const AngleUnit& unit) const {
 }
 
 double LoggedRobot::share_of_weight(const AngleUnit& angle_unit) const {
-  const UrdfChain links = read_urdf_joints(urdf_, base(), tip());
+  const UrdfChain links = read_urdf_joints(urdf_, base(), tip(), locked());
   const bool any_prismatic =
       std::ranges::find(links.is_prismatic, true) != links.is_prismatic.end();
   if (any_prismatic || links.joints.size() != chain_.size()) return 0.0;
@@ -100,7 +133,7 @@ double LoggedRobot::share_of_weight(const AngleUnit& angle_unit) const {
   Eigen::MatrixXd q(log_.samples(), n), torque(log_.samples(), n);
   for (Eigen::Index j = 0; j < n; ++j) {
     const std::size_t joint = chain_[static_cast<std::size_t>(j)];
-    q.col(j) = angles(joint, angle_unit);
+    q.col(j) = places(joint, angle_unit);
     const Unit* unit = find_unit(force(joint).words.unit);
     torque.col(j) = (unit == nullptr ? 1.0 : unit->factor) * without_gaps(force(joint).values);
   }
@@ -137,8 +170,16 @@ Eigen::Vector3d LoggedRobot::gravity() const {
   return joints_[first_].parent_rotation.transpose() * Eigen::Vector3d(0.0, 0.0, -kGravity);
 }
 
-Eigen::VectorXd LoggedRobot::angles(std::size_t joint, const AngleUnit& unit) const {
-  return unit.factor * (without_gaps(position(joint).values).array() - unit.centre);
+Eigen::VectorXd LoggedRobot::places(std::size_t joint, const AngleUnit& unit) const {
+  const Eigen::VectorXd values = without_gaps(position(joint).values);
+  if (!joints_[joint].is_prismatic) return unit.factor * (values.array() - unit.centre);
+  const Unit* length = find_unit(position(joint).words.unit);
+  return (length != nullptr && length->base == "m" ? length->factor : 1.0) * values;
+}
+
+bool LoggedRobot::stands_still(std::size_t joint) const {
+  const auto logged = positions_->columns.find(joint);
+  return logged != positions_->columns.end() && !logged->second->moves();
 }
 
 bool LoggedRobot::is_usable(std::size_t joint) const {
@@ -164,12 +205,6 @@ std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {
 std::string LoggedRobot::gap_words(std::size_t joint) const {
   const std::string& name = joints_[joint].name;
   const auto logged = positions_->columns.find(joint);
-  if (logged != positions_->columns.end() && !logged->second->moves()) {
-    return fmt::format(
-        "{}: joint '{}' lies between the logged ones and does not move: '{}' stays at {:.6g}; make "
-        "it fixed at that angle in the URDF, or choose --base or --tip",
-        urdf_name(), name, logged->second->name, without_gaps(logged->second->values)(0));
-  }
   if (logged != positions_->columns.end()) {
     return fmt::format(
         "{}: joint '{}' lies between the logged ones, and its force is not logged or never "
@@ -195,7 +230,7 @@ void LoggedRobot::take_chain(const std::vector<std::size_t>& path) {
             path, [&](std::size_t each) { return joints_[each].parent == asked_base_; });
       began = true;
       chain_.push_back(joint);
-    } else if (began && joints_[joint].moves) {
+    } else if (began && joints_[joint].moves && !stands_still(joint)) {
       throw InputError(gap_words(joint));
     }
   }

@@ -5,6 +5,7 @@
 //   robot.set_columns(&positions, &forces);  // of column_families(log, robot.joints())
 //   robot.choose_chain();
 //   robot.fits_limits({"deg", 0.01745, 0.0});
+//   robot.lock_others({"deg", 0.01745, 0.0});
 #pragma once
 
 #include <Eigen/Core>
@@ -63,6 +64,14 @@ class LoggedRobot {
   // Where a position lies beyond its limits if all are in that unit.
   [[nodiscard]] std::vector<Eigen::Index> rows_beyond_limits(const AngleUnit& unit) const;
 
+  // Holds every other joint of the URDF where the log has it on average, within its limits; joints
+  // that the log does not have stay at zero.
+  void lock_others(const AngleUnit& unit);
+  // Those of the chain's links that stand elsewhere than at zero, rad or m by name.
+  [[nodiscard]] LockedJoints locked() const;
+  // Where a joint stands that is not in the chain.
+  [[nodiscard]] double place_of(std::size_t joint) const;
+
   // Whether all positions lie within them, but for as few rows as a dropout leaves: one of a
   // hundred, or one in two hundred of many.
   [[nodiscard]] bool fits_limits(const AngleUnit& unit) const;
@@ -81,7 +90,9 @@ class LoggedRobot {
   [[nodiscard]] Eigen::Vector3d gravity() const;
 
  private:
-  [[nodiscard]] Eigen::VectorXd angles(std::size_t joint, const AngleUnit& unit) const;
+  // Radians, or metres along a prismatic joint.
+  [[nodiscard]] Eigen::VectorXd places(std::size_t joint, const AngleUnit& unit) const;
+  [[nodiscard]] bool stands_still(std::size_t joint) const;
 
   [[nodiscard]] bool is_usable(std::size_t joint) const;
 
@@ -102,6 +113,7 @@ class LoggedRobot {
   const ColumnFamily* forces_ = nullptr;
   std::vector<std::size_t> chain_;  // joints that move and are logged, from the base on
   std::size_t first_ = 0;           // the joint whose parent link is the base
+  LockedJoints locked_;             // all that do not stand at zero
 };
 
 }  // namespace graybox

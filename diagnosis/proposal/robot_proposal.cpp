@@ -36,6 +36,17 @@ struct ModelDoubts {
   bool gains_known = true, beyond_limits = false;
 };
 
+// The line "locked: {...}", if joints of the chain's links stand elsewhere than at zero.
+std::string locked_text(const LoggedRobot& robot) {
+  std::vector<std::string> parts;
+  for (const auto& [name, place] : robot.locked()) {
+    parts.push_back(fmt::format("{}: {:.6g}", in_quotes(name), place));
+  }
+  if (parts.empty()) return "";
+  return fmt::format("locked: {{{}}}  # where the log has them; rad or m\n",
+                     fmt::join(parts, ", "));
+}
+
 std::string robot_model_text(const ProposalRequest& request, const LoggedRobot& robot,
                              const ModelDoubts& doubts) {
   std::string text = fmt::format(
@@ -48,8 +59,9 @@ std::string robot_model_text(const ProposalRequest& request, const LoggedRobot& 
   }
   text += fmt::format("gravity: {:<37} # m/s^2, in the base link's axes\n",
                       gravity_text(robot.gravity()));
-  text += fmt::format("urdf: {}\nbase: {}\ntip: {}\njoints:\n", in_quotes(urdf.string()),
+  text += fmt::format("urdf: {}\nbase: {}\ntip: {}\n", in_quotes(urdf.string()),
                       in_quotes(robot.base()), in_quotes(robot.tip()));
+  text += locked_text(robot) + "joints:\n";
   std::vector<std::string> forces, positions;
   for (const std::size_t joint : robot.chain()) {
     const std::string& name = robot.joints()[joint].name;
@@ -85,8 +97,10 @@ class RobotProposal {
     positions_ = choose(families_of(families_, LogQuantity::kPosition), "position");
     forces_ = choose(families_of_drive(families_), "torque, effort or current");
     robot_.set_columns(&positions_, &forces_);
-    choose_chain();
+    const std::vector<std::size_t> aside = choose_chain();
     choose_units();
+    robot_.lock_others(angle_);
+    warn_of_locked(aside);
     check_limits();
     const RobotCampaign campaign =
         draft_robot_campaign(request_, recordings_, robot_, angle_, time_, proposal_);
@@ -130,26 +144,45 @@ class RobotProposal {
     return list.front();
   }
 
-  void choose_chain() {
-    const std::vector<std::size_t> aside = robot_.choose_chain();
+  // Joints that are logged and not in it.
+  std::vector<std::size_t> choose_chain() {
+    std::vector<std::size_t> aside = robot_.choose_chain();
+    guess("joints",
+          fmt::format("{}, {}", robot_.chain().size(),
+                      from_to(robot_.joints()[robot_.chain().front()].name,
+                              robot_.joints()[robot_.chain().back()].name)),
+          fmt::format("position and force are logged; all others of {} stand still",
+                      request_.urdf.filename().string()));
+    return aside;
+  }
+
+  // "at zero", "at 0.35 rad"
+  [[nodiscard]] std::string place_words(std::size_t joint) const {
+    const double place = robot_.place_of(joint);
+    if (place == 0.0) return "at zero";
+    return fmt::format("at {:.4g} {}", place, robot_.joints()[joint].is_prismatic ? "m" : "rad");
+  }
+
+  void warn_of_locked(const std::vector<std::size_t>& aside) {
+    std::vector<std::string> still;
     for (std::size_t joint = 0; joint < robot_.joints().size(); ++joint) {
       const bool is_used = std::ranges::find(robot_.chain(), joint) != robot_.chain().end();
-      if (is_used || !robot_.joints()[joint].moves) continue;
+      const UrdfJoint& each = robot_.joints()[joint];
+      if (is_used || !each.moves) continue;
+      if (robot_.locked().contains(each.name)) {
+        still.push_back(fmt::format("{} {}", each.name, place_words(joint)));
+      }
       if (std::ranges::find(aside, joint) == aside.end()) {
         warn_of_locked(joint);
         continue;
       }
       proposal_.notes.push_back(fmt::format(
-          "joint {} is logged as '{}' and not in the chain: locked at zero; --tip {} takes its "
-          "branch",
-          robot_.joints()[joint].name, robot_.position(joint).name, robot_.joints()[joint].child));
+          "joint {} is logged as '{}' and not in the chain: locked {}, its mean; --tip {} takes "
+          "its branch",
+          each.name, robot_.position(joint).name, place_words(joint), each.child));
     }
-    guess("joints",
-          fmt::format("{}, {}", robot_.chain().size(),
-                      from_to(robot_.joints()[robot_.chain().front()].name,
-                              robot_.joints()[robot_.chain().back()].name)),
-          fmt::format("position and force are logged; all others of {} are locked at zero",
-                      request_.urdf.filename().string()));
+    if (still.empty()) return;
+    guess("locked", fmt::format("{}", fmt::join(still, ", ")), "where the log has them on average");
   }
 
   // A joint that a column moves, and that the model holds still.
@@ -184,9 +217,9 @@ class RobotProposal {
                                  name_of(drive->words.quantity), name)
                    : fmt::format("'{}' never changes, so its force is not known", drive->name);
     }
-    proposal_.notes.push_back(fmt::format("joint {} is locked at zero, though '{}' moves it: {}",
-                                          name, motion != nullptr ? motion->name : open->name,
-                                          remedy));
+    proposal_.notes.push_back(fmt::format("joint {} is locked {}, though '{}' moves it: {}", name,
+                                          place_words(joint),
+                                          motion != nullptr ? motion->name : open->name, remedy));
   }
 
   // ---- units -----------------------------------------------------------------------------------

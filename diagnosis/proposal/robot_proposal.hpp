@@ -2,7 +2,8 @@
 //
 // The chain goes from the link before the first joint whose position and force are logged to the
 // link behind the last. Where joints of several branches are logged, the branch with most of them
-// is taken. Other joints are locked at zero, and gravity is turned into the first link's axes.
+// is taken. Other joints are locked where the log has them on average, or at zero, and gravity is
+// turned into the first link's axes.
 // Forces in newtons or newton metres are taken as such; of any other unit the drives' gains are
 // unknown. Rotor inertias are unknown, as a URDF has none.
 #pragma once

@@ -127,11 +127,18 @@ void read_rows(const YamlField& list, bool is_modified, bool has_transmission,
   if (!is_modified) model.flange = before;
 }
 
+LockedJoints read_locked(const YamlField& root) {
+  LockedJoints locked;
+  if (!root.has("locked")) return locked;
+  for (const auto& [name, place] : root.at("locked").entries()) locked[name] = place.number();
+  return locked;
+}
+
 void read_urdf(const YamlField& root, const std::filesystem::path& folder, bool has_transmission,
                RigidRobotModel& model) {
   const std::string urdf = with_environment(root.at("urdf"));
-  const UrdfChain urdf_chain =
-      read_urdf_joints(folder / urdf, root.at("base").text(), root.at("tip").text());
+  const UrdfChain urdf_chain = read_urdf_joints(folder / urdf, root.at("base").text(),
+                                                root.at("tip").text(), read_locked(root));
   const std::vector<ChainRotation>& chain = urdf_chain.joints;
   const std::vector<YamlField> items = root.at("joints").items();
   for (std::size_t k = 0; k < std::min(items.size(), chain.size()); ++k) {
@@ -408,8 +415,8 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
                                  const std::vector<std::string>& refine) {
   const YamlField root = YamlField::load(file);
   (void)root.at("format").choice({"graybox-rigid-robot/1"});
-  root.allow_keys({"format", "urdf", "base", "tip", "denavit_hartenberg", "gravity", "joints",
-                   "transmission", "laws", "elements", "known", "refine", "channels",
+  root.allow_keys({"format", "urdf", "base", "tip", "locked", "denavit_hartenberg", "gravity",
+                   "joints", "transmission", "laws", "elements", "known", "refine", "channels",
                    "body_uncertainty",
                    "base_parameters"});  // the last: what a diagnosis estimated, to read
   RigidRobotModel model;
@@ -424,6 +431,9 @@ RigidRobotModel load_rigid_robot(const std::filesystem::path& file,
   const bool has_transmission = root.has("transmission");
   if (root.has("urdf") == root.has("denavit_hartenberg")) {
     root.fail("needs either urdf (with base and tip) or denavit_hartenberg: modified | standard");
+  }
+  if (root.has("locked") && !root.has("urdf")) {
+    root.at("locked").fail("is for joints of a URDF: leave it out, or give urdf, base and tip");
   }
   if (root.has("urdf")) {
     read_urdf(root, file.parent_path(), has_transmission, model);

@@ -11,6 +11,7 @@
 #include <mutex>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "problems/base/error.hpp"
 #include "problems/files/file_kind.hpp"
@@ -70,9 +71,10 @@ Eigen::Isometry3d to_eigen(const urdf::Pose& pose) {
 
 class UrdfReader {
  public:
-  explicit UrdfReader(const std::filesystem::path& file)
-      : file_(file.string()), model_(parse(file)) {
+  explicit UrdfReader(const std::filesystem::path& file, LockedJoints locked = {})
+      : file_(file.string()), model_(parse(file)), locked_(std::move(locked)) {
     require_tree();
+    for (const auto& [name, place] : locked_) require_lock(name, place);
   }
 
   // The joints from base to tip.
@@ -110,21 +112,29 @@ class UrdfReader {
   }
 
   // A link and all that is fixed to it, in the link's frame; `next` is the joint that leads on.
-  // Joints beside the chain stand at zero.
   [[nodiscard]] RigidBody body(const std::string& link_name,
                                const urdf::JointSharedPtr& next) const {
     const urdf::LinkConstSharedPtr link = model_->getLink(link_name);
     RigidBody result = own_body(*link);
     for (const urdf::JointSharedPtr& joint : link->child_joints) {
       if (joint == next) continue;
-      const Eigen::Isometry3d pose = to_eigen(joint->parent_to_joint_origin_transform);
-      result = joined(result, moved(body(joint->child_link_name, nullptr), pose));
+      result = joined(result, moved(body(joint->child_link_name, nullptr), placed(*joint)));
     }
     return result;
   }
 
+  // The child link's frame in the parent's; at zero where the joint is not locked.
+  [[nodiscard]] Eigen::Isometry3d placed(const urdf::Joint& joint) const {
+    const Eigen::Isometry3d origin = to_eigen(joint.parent_to_joint_origin_transform);
+    const double place = place_of(joint);
+    if (place == 0.0) return origin;
+    const Eigen::Vector3d along = axis(joint).normalized();
+    if (joint.type == urdf::Joint::PRISMATIC) return origin * Eigen::Translation3d(place * along);
+    return origin * Eigen::AngleAxisd(place, along);
+  }
+
   [[nodiscard]] bool is_fixed(const urdf::Joint& joint) const {
-    if (joint.type == urdf::Joint::FIXED) return true;
+    if (joint.type == urdf::Joint::FIXED || locked_.contains(joint.name)) return true;
     if (joint.type != urdf::Joint::REVOLUTE && joint.type != urdf::Joint::CONTINUOUS &&
         joint.type != urdf::Joint::PRISMATIC) {
       fail(
@@ -155,9 +165,7 @@ class UrdfReader {
     for (const urdf::JointSharedPtr& joint : link.child_joints) {
       UrdfJoint each{joint->name, link.name, joint->child_link_name};
       each.is_prismatic = joint->type == urdf::Joint::PRISMATIC;
-      each.moves = (each.is_prismatic || joint->type == urdf::Joint::REVOLUTE ||
-                    joint->type == urdf::Joint::CONTINUOUS) &&
-                   joint->mimic == nullptr;
+      each.moves = can_move(*joint);
       if (joint->type != urdf::Joint::CONTINUOUS && joint->limits != nullptr) {
         each.lower = joint->limits->lower;
         each.upper = joint->limits->upper;
@@ -166,9 +174,37 @@ class UrdfReader {
       const urdf::LinkConstSharedPtr child = model_->getLink(joint->child_link_name);
       each.child_mass = child->inertial == nullptr ? 0.0 : child->inertial->mass;
       joints.push_back(each);
-      add_joints(*child, rotation * to_eigen(joint->parent_to_joint_origin_transform).linear(),
-                 joints);
+      add_joints(*child, rotation * placed(*joint).linear(), joints);
     }
+  }
+
+  static bool can_move(const urdf::Joint& joint) {
+    return (joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS ||
+            joint.type == urdf::Joint::PRISMATIC) &&
+           joint.mimic == nullptr;
+  }
+
+  [[nodiscard]] double place_of(const urdf::Joint& joint) const {
+    if (const auto own = locked_.find(joint.name); own != locked_.end()) return own->second;
+    if (joint.mimic == nullptr) return 0.0;
+    const auto leader = locked_.find(joint.mimic->joint_name);
+    return leader == locked_.end() ? 0.0
+                                   : joint.mimic->multiplier * leader->second + joint.mimic->offset;
+  }
+
+  // A place beyond the limits by more than an encoder's zero may be off is another unit's.
+  void require_lock(const std::string& name, double place) const {
+    constexpr double kSlack = 0.1;  // of the range
+    const urdf::JointConstSharedPtr joint = model_->getJoint(name);
+    if (joint == nullptr) fail(fmt::format("no joint '{}' (locked)", name));
+    if (!can_move(*joint)) fail(fmt::format("joint '{}' (locked) does not move by itself", name));
+    if (!std::isfinite(place)) fail(fmt::format("joint '{}' (locked): is not finite", name));
+    if (joint->type == urdf::Joint::CONTINUOUS || joint->limits == nullptr) return;
+    const double lower = joint->limits->lower, upper = joint->limits->upper;
+    const double slack = kSlack * (upper - lower);
+    if (!(upper > lower) || (place >= lower - slack && place <= upper + slack)) return;
+    fail(fmt::format("joint '{}' is locked at {:g}, beyond its limits of {:g} to {:g} {}", name,
+                     place, lower, upper, joint->type == urdf::Joint::PRISMATIC ? "m" : "rad"));
   }
 
   // Links that form a loop hold each other in memory.
@@ -224,6 +260,7 @@ class UrdfReader {
 
   std::string file_;
   urdf::ModelInterfaceSharedPtr model_;
+  LockedJoints locked_;
 };
 
 }  // namespace
@@ -248,8 +285,8 @@ RigidBody joined(const RigidBody& a, const RigidBody& b) {
 }
 
 UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
-                           const std::string& tip) {
-  const UrdfReader reader(file);
+                           const std::string& tip, const LockedJoints& locked) {
+  const UrdfReader reader(file, locked);
   const std::vector<urdf::JointSharedPtr> path = reader.path(base, tip);
   UrdfChain chain;
   Eigen::Isometry3d offset = Eigen::Isometry3d::Identity();  // from the last joint's frame
@@ -257,7 +294,7 @@ UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string&
     const urdf::Joint& joint = *path[j];
     const urdf::JointSharedPtr next = j + 1 < path.size() ? path[j + 1] : nullptr;
     const RigidBody body = reader.body(joint.child_link_name, next);
-    offset = offset * to_eigen(joint.parent_to_joint_origin_transform);
+    offset = offset * reader.placed(joint);
     if (!reader.is_fixed(joint)) {
       chain.joints.push_back({joint.name, offset, reader.axis(joint), body});
       chain.is_prismatic.push_back(joint.type == urdf::Joint::PRISMATIC);
@@ -280,8 +317,9 @@ RigidBody read_urdf_body(const std::filesystem::path& file, const std::string& l
   return UrdfReader(file).body_of(link);
 }
 
-std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file) {
-  return UrdfReader(file).tree();
+std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file,
+                                      const LockedJoints& locked) {
+  return UrdfReader(file, locked).tree();
 }
 
 std::vector<ChainRotation> read_urdf_chain(const std::filesystem::path& file,

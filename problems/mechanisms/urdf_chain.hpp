@@ -6,12 +6,16 @@
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "problems/mechanisms/rigid_chain.hpp"
 
 namespace graybox {
+
+// Where joints stand that the model holds still, by name: rad, or m along a prismatic joint.
+using LockedJoints = std::map<std::string, double>;
 
 struct UrdfChain {
   // One for each joint that moves, named like it. A prismatic joint's `axis` is that along which it
@@ -20,14 +24,16 @@ struct UrdfChain {
   std::vector<bool> is_prismatic;  // of each
 };
 
-// The chain from `base` to `tip`. Joints beside it are locked at zero: their bodies count as fixed.
-// Throws InputError for a missing or broken file, an unknown link and a tip that is not beyond the
-// base. It also does for joints of the chain that are neither revolute, continuous, prismatic nor
-// fixed, mimic joints in it, and masses or inertias that no body has.
+// The chain from `base` to `tip`. `locked` joints, in it or beside it, count as fixed where they
+// stand, and joints that mimic them stand accordingly. Other joints beside the chain are locked at
+// zero. Throws InputError for a missing or broken file, an unknown link and a tip that is not beyond
+// the base. It also does for joints of the chain that are neither revolute, continuous, prismatic
+// nor fixed, mimic joints in it, and masses or inertias that no body has; and for a locked joint
+// that the file does not have, that does not move, or that its limits do not let stand there.
 [[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
-                                         const std::string& tip);
+                                         const std::string& tip, const LockedJoints& locked = {});
 
-// A joint of the whole tree, with how it hangs at zero.
+// A joint of the whole tree, with how it hangs where all but locked joints stand at zero.
 struct UrdfJoint {
   std::string name, parent, child;  // links
   bool moves = false;               // revolute, continuous or prismatic, and no mimic
@@ -39,7 +45,8 @@ struct UrdfJoint {
 };
 
 // All joints, parents before children. Throws InputError for a missing or broken file.
-[[nodiscard]] std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file);
+[[nodiscard]] std::vector<UrdfJoint> read_urdf_tree(const std::filesystem::path& file,
+                                                    const LockedJoints& locked = {});
 
 // The body of one link alone, in its frame; mass 0 where it has none. Throws InputError for a
 // missing or broken file, an unknown link, and a body that can't be.

@@ -727,6 +727,61 @@ joints:
   EXPECT_NEAR(forces(1), 2.0 * 0.5 * (3.0 + 9.81), 1e-9);
 }
 
+// A joint locked at an angle gives the same robot as a fixed joint that stands there, in the chain
+// and beside it; a finger that mimics the locked one stands accordingly.
+TEST_F(RigidRobot, LocksJointsWhereTheyStand) {
+  const auto urdf = [](const char* elbow, const char* finger) {
+    return fmt::format(R"(<robot name="arm">
+  <link name="base"/><link name="upper"/>
+  <link name="lower"><inertial><origin xyz="0.2 0.1 0"/><mass value="2"/>
+    <inertia ixx="0.05" iyy="0.06" izz="0.07" ixy="0.01" ixz="0" iyz="0"/></inertial></link>
+  <link name="finger"><inertial><origin xyz="0 0.3 0.1"/><mass value="1"/>
+    <inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0" ixz="0.005" iyz="0"/></inertial></link>
+  <link name="hand"><inertial><origin xyz="0.1 0 0.2"/><mass value="3"/>
+    <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="elbow" {}<parent link="upper"/><child link="lower"/></joint>
+  <joint name="grip" {}<parent link="lower"/><child link="finger"/></joint>
+  <joint name="wrist" type="continuous"><parent link="lower"/><child link="hand"/>
+    <origin xyz="0.5 0 0"/><axis xyz="1 0 0"/></joint>
+</robot>
+)",
+                       elbow, finger);
+  };
+  testing::write_text(folder_.file("moving.urdf"),
+                      urdf(R"(type="revolute"><origin xyz="0.7 0 0"/><axis xyz="0 2 0"/>
+           <limit lower="-1" upper="1" effort="1" velocity="1"/>)",
+                           R"(type="prismatic"><mimic joint="elbow" multiplier="0.5" offset="0.02"/>
+           <origin xyz="0.1 0 0"/><axis xyz="0 0 1"/>)"));
+  testing::write_text(folder_.file("fixed.urdf"),
+                      urdf(R"(type="fixed"><origin xyz="0.7 0 0" rpy="0 0.4 0"/>)",
+                           R"(type="fixed"><origin xyz="0.1 0 0.22"/>)"));
+  const auto text = [](const char* file, const char* locked) {
+    return fmt::format(
+        "format: graybox-rigid-robot/1\nurdf: {}\nbase: base\ntip: hand\n{}gravity: [0, -9.81, "
+        "0]\njoints:\n  - {{name: shoulder, gear_ratio: 1, rotor_inertia: 0}}\n"
+        "  - {{name: wrist, gear_ratio: 1, rotor_inertia: 0}}\n",
+        file, locked);
+  };
+  const RigidRobotModel fixed = model(text("fixed.urdf", ""));
+  const RigidRobotModel locked = model(text("moving.urdf", "locked: {elbow: 0.4}\n"));
+  ASSERT_EQ(locked.size(), 2);
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_TRUE(locked.joints[j].origin.isApprox(fixed.joints[j].origin, 1e-12));
+    EXPECT_TRUE(standard_parameters(*locked.joints[j].body)
+                    .isApprox(standard_parameters(*fixed.joints[j].body), 1e-12));
+  }
+  const auto refused = [&](const char* lock, const char* why) {
+    testing::expect_refused([&] { (void)model(text("moving.urdf", lock)); }, why);
+  };
+  refused("locked: {knee: 0.4}\n", "no joint 'knee' (locked)");
+  refused("locked: {elbow: 40}\n", "'elbow' is locked at 40, beyond its limits of -1 to 1 rad");
+  refused("locked: {grip: 0.1}\n", "'grip' (locked) does not move by itself");
+  testing::expect_refused([&] { (void)model(kArm + std::string("locked: {elbow: 0.1}\n")); },
+                          "is for joints of a URDF");
+}
+
 // ---- real recordings ----------------------------------------------------------------------------
 
 class RealRobots : public ::testing::Test {

@@ -139,8 +139,10 @@ TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
                                                             {"waist_effort", swing(40.0, 3.0, 1.0)},
                                                             {"wrist_pos", swing(0.8, 4.1, 0.3)},
                                                             {"wrist_xyz", swing(30.0, 4.1, 1.0)}});
-  EXPECT_NE(notes_of(robot).find("joint wrist is locked at zero, though 'wrist_pos' moves it: "
-                                 "--column 'wrist_xyz=torque@wrist' adds it"),
+  EXPECT_NE(notes_of(robot).find("joint wrist is locked at "), std::string::npos)
+      << notes_of(robot);
+  EXPECT_NE(notes_of(robot).find("though 'wrist_pos' moves it: --column "
+                                 "'wrist_xyz=torque@wrist' adds it"),
             std::string::npos)
       << notes_of(robot);
   // And the option does.
@@ -175,7 +177,7 @@ TEST_F(RobotLogs, ADropoutIsNoOtherUnit) {
   EXPECT_EQ(notes_of(proposed({"waist", "wrist"}, columns)).find("dropout"), std::string::npos);
 }
 
-TEST_F(RobotLogs, AConstantJointIsSaidToBe) {
+TEST_F(RobotLogs, AJointThatStandsStillIsLockedWhereItStands) {
   const auto columns_with = [](const Signal& elbow, const Signal& effort) {
     std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
     columns.emplace_back("elbow_pos", elbow);
@@ -183,11 +185,24 @@ TEST_F(RobotLogs, AConstantJointIsSaidToBe) {
     return columns;
   };
   const Signal still = [](double) { return -0.25; };
-  testing::expect_refused(
-      [&] {
-        proposed({"waist", "elbow", "wrist"}, columns_with(still, still));
-      },
-      "'elbow_pos' stays at -0.25; make it fixed at that angle in the URDF");
+  // Between the joints that move, and beyond them.
+  const ModelProposal between = proposed({"waist", "elbow", "wrist"}, columns_with(still, still));
+  EXPECT_EQ(value_of(between, "joints").substr(0, 17), "2, waist to wrist");
+  EXPECT_EQ(value_of(between, "locked").substr(0, 18), "elbow at -0.25 rad");
+  EXPECT_NE(between.model_text.find("locked: {\"elbow\": -0.25}"), std::string::npos)
+      << between.model_text;
+  const ModelProposal beyond = proposed({"waist", "wrist", "elbow"}, columns_with(still, still));
+  EXPECT_EQ(value_of(beyond, "locked").substr(0, 18), "elbow at -0.25 rad");
+  const ModelProposal at_zero =
+      proposed({"waist", "wrist", "elbow"}, columns_with([](double) { return 0.0; }, still));
+  EXPECT_EQ(at_zero.model_text.find("locked"), std::string::npos) << at_zero.model_text;
+  // Before them, it turns gravity: by -0.25 rad about y.
+  const ModelProposal before = proposed({"elbow", "waist", "wrist"}, columns_with(still, still));
+  EXPECT_EQ(before.model_text.find("locked"), std::string::npos) << before.model_text;
+  EXPECT_NE(before.model_text.find(fmt::format("gravity: [{:.6g}, 0, {:.6g}]",
+                                               -9.81 * std::sin(0.25), -9.81 * std::cos(0.25))),
+            std::string::npos)
+      << before.model_text;
   testing::expect_refused(
       [&] {
         proposed({"waist", "elbow", "wrist"}, columns_with(swing(1.0, 2.0, 0.0), still));
