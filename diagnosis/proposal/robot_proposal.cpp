@@ -101,6 +101,7 @@ class RobotProposal {
     choose_units();
     robot_.lock_others(angle_);
     warn_of_locked(aside);
+    note_stated_friction();
     check_limits();
     const RobotCampaign campaign =
         draft_robot_campaign(request_, recordings_, robot_, angle_, time_, proposal_);
@@ -322,6 +323,22 @@ class RobotProposal {
          in_degrees + ", say",
          {}});
     doubts_.beyond_limits = true;
+  }
+
+  // A URDF's friction is often a simulator's: a diagnosis estimates it anew.
+  void note_stated_friction() {
+    std::vector<std::string> stated;
+    for (const std::size_t joint : robot_.chain()) {
+      const UrdfJoint& each = robot_.joints()[joint];
+      if (each.damping == 0.0 && each.friction == 0.0) continue;
+      stated.push_back(fmt::format("{} {:g} and {:g}", each.name, each.damping, each.friction));
+    }
+    if (stated.empty()) return;
+    proposal_.notes.push_back(fmt::format(
+        "{} states damping and friction (<dynamics>: {}{}): not in the model, a diagnosis "
+        "estimates them",
+        request_.urdf.filename().string(), stated.front(),
+        stated.size() > 1 ? fmt::format(", and of {} more", stated.size() - 1) : ""));
   }
 
   void note_dropouts() {

@@ -170,6 +170,10 @@ class UrdfReader {
         each.lower = joint->limits->lower;
         each.upper = joint->limits->upper;
       }
+      if (joint->dynamics != nullptr) {
+        each.damping = joint->dynamics->damping;
+        each.friction = joint->dynamics->friction;
+      }
       each.parent_rotation = rotation;
       const urdf::LinkConstSharedPtr child = model_->getLink(joint->child_link_name);
       each.child_mass = child->inertial == nullptr ? 0.0 : child->inertial->mass;

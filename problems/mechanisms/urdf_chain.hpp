@@ -40,6 +40,8 @@ struct UrdfJoint {
   bool is_prismatic = false;
   double lower = 0.0, upper = 0.0;  // limits, rad or m; equal where there are none
   double child_mass = 0.0;          // kg, of the child link alone
+  double damping = 0.0;             // <dynamics>, N m s/rad or N s/m
+  double friction = 0.0;            // <dynamics>, N m or N
   Eigen::Matrix3d parent_rotation =
       Eigen::Matrix3d::Identity();  // parent link's axes in the root's
 };

@@ -47,7 +47,14 @@ class RobotLogs : public ::testing::Test {
                          const std::vector<std::pair<std::string, Signal>>& columns,
                          const std::vector<std::string>& answers = {},
                          std::optional<double> counts_per_turn = {}) {
-    testing::write_text(folder_.file("arm.urdf"), urdf_of(joints));
+    return proposed_of(urdf_of(joints), columns, answers, counts_per_turn);
+  }
+
+  ModelProposal proposed_of(const std::string& urdf,
+                            const std::vector<std::pair<std::string, Signal>>& columns,
+                            const std::vector<std::string>& answers = {},
+                            std::optional<double> counts_per_turn = {}) {
+    testing::write_text(folder_.file("arm.urdf"), urdf);
     std::string text = "time [s]";
     for (const auto& [title, signal] : columns) text += "," + title;
     text += "\n";
@@ -154,6 +161,18 @@ TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
                                        {"wrist_xyz=torque@wrist"});
   EXPECT_EQ(value_of(added, "joints").substr(0, 17), "2, waist to wrist");
   EXPECT_EQ(notes_of(added).find("locked"), std::string::npos) << notes_of(added);
+}
+
+TEST_F(RobotLogs, FrictionThatTheUrdfStatesIsToldAndLeftOut) {
+  EXPECT_EQ(notes_of(proposed({"waist", "wrist"}, two_joints("wrist"))).find("<dynamics>"),
+            std::string::npos);
+  std::string urdf = urdf_of({"waist", "wrist"});
+  const std::size_t first = urdf.find("</joint>");
+  urdf.insert(first, "<dynamics damping=\"0.7\" friction=\"0.2\"/>");
+  const ModelProposal robot = proposed_of(urdf, two_joints("wrist"));
+  EXPECT_NE(notes_of(robot).find("(<dynamics>: waist 0.7 and 0.2): not in the model"),
+            std::string::npos)
+      << notes_of(robot);
 }
 
 // One row in which all joints read alike makes no motor angles of the others.
