@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -57,6 +59,24 @@ bool has_spring(const std::vector<Element>& parts, const std::string& place) {
     return part.location.name == place &&
            std::ranges::find(kSprings, part.law_name) != kSprings.end();
   });
+}
+
+const std::string kNamelessUnit = "drive units";
+
+bool is_force(const std::string& unit) { return unit == "N m" || unit == "N"; }
+
+// One recorded unit stands for 1 N m or 1 N.
+bool has_no_gain(const Channel& channel) {
+  const Unit* recorded = find_unit(channel.recorded_unit);
+  return recorded != nullptr && recorded->base != channel.unit && std::abs(channel.factor) == 1.0;
+}
+
+// A goal of a servo in rad, and what has no unit, are no sizes of a force that anyone would name.
+std::string named_drive_unit(const std::string& recorded) {
+  const Unit* unit = find_unit(recorded);
+  const bool is_named = unit != nullptr && recorded != "1" && unit->base != "rad" &&
+                        unit->base != "m" && unit->base != "rad/s" && unit->base != "m/s";
+  return is_named ? recorded : kNamelessUnit;
 }
 
 }  // namespace
@@ -148,27 +168,34 @@ void tell_clipped_inputs(std::span<const std::string> inputs, Diagnosis& diagnos
   }
 }
 
+std::string drive_unit_of(const Campaign& campaign) {
+  std::set<std::string> units;
+  for (const Channel& channel : campaign.channels) {
+    if (channel.role != ChannelRole::kInput || !is_force(channel.unit)) continue;
+    if (!has_no_gain(channel)) return "";
+    units.insert(named_drive_unit(channel.recorded_unit));
+  }
+  return units.empty() ? "" : units.size() == 1 ? *units.begin() : kNamelessUnit;
+}
+
 void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
   constexpr std::size_t kFew = 2;
-  std::map<std::pair<std::string, std::string>, std::vector<std::string>> columns;
+  std::map<std::string, std::vector<std::string>> columns;
   for (const Channel& channel : campaign.channels) {
-    const Unit* recorded = find_unit(channel.recorded_unit);
-    const bool is_converted = recorded != nullptr && recorded->base != channel.unit;
-    if (channel.role != ChannelRole::kInput || !is_converted || channel.factor != 1.0) continue;
-    columns[{channel.unit, channel.recorded_unit}].push_back(
+    if (channel.role != ChannelRole::kInput || !has_no_gain(channel)) continue;
+    columns[named_drive_unit(channel.recorded_unit)].push_back(
         channel.column.empty() ? channel.name : channel.column);
   }
-  for (const auto& [units, names] : columns) {
-    const auto& [unit, recorded] = units;
+  for (const auto& [unit, names] : columns) {
     std::string of;
     for (std::size_t k = 0; k < std::min(kFew, names.size()); ++k) {
       of += (k == 0 ? "'" : ", '") + names[k] + "'";
     }
     if (names.size() > kFew) of += fmt::format(" and {} more", names.size() - kFew);
     diagnosis.assumptions.push_back(fmt::format(
-        "Sizes are in units of the drive{}: 1 {} stands for one {} of {}. With {} true gain (gain: "
-        "in campaign.yaml) masses and forces scale.",
-        names.size() > 1 ? "s" : "", unit, recorded != "1" ? recorded : "recorded unit", of,
+        "Sizes are in units of the drive{}{}: of {} no gain is stated. With {} true gain (gain: in "
+        "campaign.yaml) masses and forces scale.",
+        names.size() > 1 ? "s" : "", unit == kNamelessUnit ? "" : ", " + unit, of,
         names.size() > 1 ? "each" : "its"));
   }
 }

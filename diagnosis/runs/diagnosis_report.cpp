@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "diagnosis/evidence/drive_units.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/next_plan.hpp"
 #include "diagnosis/verdict/report_page.hpp"
@@ -65,7 +66,8 @@ void write_report(const DiagnosisRequest& request, const Campaign& campaign,
   }
   add_next_plans(request, campaign, answer.diagnosis, texts);
   const ReportContext context = context_of(texts, std::move(origin));
-  texts["report.html"] = report_page(answer.diagnosis, answer.hypotheses(), files, context);
+  texts["report.html"] = report_page(in_drive_unit(answer.diagnosis, answer.drive_unit),
+                                     answer.hypotheses(), files, context);
   folder.write(texts, answer.verdict);
 }
 

@@ -50,6 +50,7 @@ CampaignAnswer answer_with_second_looks(const DiagnosisRequest& request, Campaig
 
 // What a reader is told beside the laws found.
 void advise(const DiagnosisRequest& request, const Campaign& campaign, DiagnosisAnswer& answer) {
+  answer.drive_unit = drive_unit_of(campaign);
   tell_unknown_gains(campaign, answer.diagnosis);
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
   require_confirmed_laws(answer.diagnosis);
@@ -94,6 +95,7 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   const DiagnosedFiles files{request.model, campaign.file.string(), answer.warnings};
   answer.verdict = verdict_json(answer.diagnosis, answer.hypotheses(), files);
   answer.verdict["method"] = answer.method;
+  if (!answer.drive_unit.empty()) answer.verdict["drive_unit"] = answer.drive_unit;
   origin.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (folder) write_report(request, campaign, files, std::move(origin), *folder, answer);
   return std::move(found.answer);

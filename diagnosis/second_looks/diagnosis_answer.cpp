@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "diagnosis/evidence/drive_units.hpp"
 #include "diagnosis/verdict/extended_model.hpp"
 #include "diagnosis/verdict/report_page.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
@@ -9,12 +10,12 @@
 namespace graybox {
 
 std::vector<std::string> DiagnosisAnswer::words() const {
-  return verdict_words(diagnosis, hypotheses());
+  return verdict_words(in_drive_unit(diagnosis, drive_unit), hypotheses());
 }
 
 std::map<std::string, std::string> DiagnosisAnswer::figures() const {
   std::map<std::string, std::string> figures;
-  for (ReportFigure& figure : report_figures(diagnosis, hypotheses())) {
+  for (ReportFigure& figure : report_figures(in_drive_unit(diagnosis, drive_unit), hypotheses())) {
     figures[figure.name] = std::move(figure.svg);
   }
   return figures;

@@ -36,6 +36,8 @@ struct DiagnosisAnswer {
   std::unique_ptr<MismatchProblem> problem;  // keeps the hypotheses, of two methods
   PredictionDiagnosis by_prediction;
   Diagnosis diagnosis;
+  // Of drives whose gains are not known, "mA" say: forces in words are in it; empty: in N m or N.
+  std::string drive_unit;
   std::vector<std::string> warnings;  // of the recordings
   nlohmann::ordered_json verdict;     // verdict_file.hpp, and "method"
 

@@ -35,6 +35,11 @@ struct Place {
   double own_damping = 0.0;  // of the model
 };
 
+// Also in a drive's own unit (drive_units.hpp).
+bool is_unit_of_mass(const std::string& unit) {
+  return unit == "kg" || unit == "kg m^2" || unit.ends_with(" s^2/rad") || unit.ends_with(" s^2/m");
+}
+
 // The damping that the model itself has at the place, as it was fitted beside the laws: of a single
 // mass, to which every damping belongs. Of several the estimates' names do not tell whose it is.
 double own_damping(const Diagnosis& diagnosis, const Place& place) {
@@ -42,7 +47,7 @@ double own_damping(const Diagnosis& diagnosis, const Place& place) {
   double damping = 0.0;
   for (const LawParameterEstimate& each : diagnosis.after.model_parameters) {
     if (each.name.ends_with(".damping")) damping += each.value;
-    if (each.unit != "kg" && each.unit != "kg m^2") continue;
+    if (!is_unit_of_mass(each.unit)) continue;
     if (mass != nullptr) return 0.0;
     mass = &each;
   }

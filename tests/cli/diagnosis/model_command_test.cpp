@@ -218,10 +218,25 @@ TEST_F(Model, ACurrentInAnyUnitIsTakenAsRecorded) {
   EXPECT_NE(taken.out.find("'units' is no unit that graybox knows"), std::string::npos)
       << taken.out;
   const Outcome diagnosed = graybox("diagnose a/model.yaml a/campaign.yaml");
-  EXPECT_NE(
-      diagnosed.out.find("Sizes are in units of the drive: 1 N m stands for one recorded unit"),
-      std::string::npos)
+  EXPECT_NE(diagnosed.out.find("Sizes are in units of the drive: of '"), std::string::npos)
       << diagnosed.out;
+}
+
+// Sizes are then in the drive's unit, not in N m that nobody measured; with a gain they are in N m.
+TEST_F(Model, SizesOfADriveWithoutAGainAreInItsUnit) {
+  write_text(folder_.file("log.csv"),
+             table("time [s],angle [rad],speed [rad/s],current [mA],spare"));
+  ASSERT_EQ(graybox("model log.csv -o a --overwrite </dev/null").exit_code, 0);
+  const Outcome own = graybox("diagnose a/model.yaml a/campaign.yaml -o report");
+  EXPECT_NE(own.out.find(" mA"), std::string::npos) << own.out;
+  for (const char* unit : {"N m", "kg"}) {
+    EXPECT_EQ(own.out.find(unit), std::string::npos) << own.out;
+  }
+  EXPECT_EQ(Json::parse(read_text(folder_.file("report/verdict.json"))).at("drive_unit"), "mA");
+  ASSERT_EQ(graybox("model log.csv -o a --overwrite --gain 0.02 </dev/null").exit_code, 0);
+  const Outcome known = graybox("diagnose a/model.yaml a/campaign.yaml");
+  EXPECT_EQ(known.out.find(" mA"), std::string::npos) << known.out;
+  EXPECT_NE(known.out.find("N m"), std::string::npos) << known.out;
 }
 
 // In a pipe nothing is asked: the line of the drive is marked, and no command reads it.

@@ -1,4 +1,5 @@
 #include "diagnosis/verdict/friction_words.hpp"
+#include "diagnosis/evidence/drive_units.hpp"
 
 #include <gtest/gtest.h>
 
@@ -59,6 +60,17 @@ TEST_F(FrictionWords, SayNothingOfSpeedsThatDidNotLast) {
       "Friction of the arm axis of elbow: 6 N m at 0.5 rad/s, 9 at 2. It stood still under -1 to 4 "
       "N m at one place."};
   EXPECT_EQ(lines(), expected);
+}
+
+// Whole units alone are renamed, the longest name first.
+TEST(DriveUnits, TakeThePlaceOfNewtonMetres) {
+  const auto in = [](const char* text) { return in_drive_unit(std::string(text), "mA"); };
+  EXPECT_EQ(in("3 N m, 2 N m/rad, 1 N m s/rad, (0.1 kg m^2)"),
+            "3 mA, 2 mA/rad, 1 mA s/rad, (0.1 mA s^2/rad)");
+  EXPECT_EQ(in("3 N, 2 N/m, 1 N s/m and 0.5 kg."), "3 mA, 2 mA/m, 1 mA s/m and 0.5 mA s^2/m.");
+  EXPECT_EQ(in("Nothing of 'N m' in NAME, in log_N or in kgf"),
+            "Nothing of 'N m' in NAME, in log_N or in kgf");
+  EXPECT_EQ(in_drive_unit(std::string("3 N m"), ""), "3 N m");
 }
 
 TEST_F(FrictionWords, HaveNoPowersOfTen) {
