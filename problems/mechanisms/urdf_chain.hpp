@@ -26,10 +26,10 @@ struct UrdfChain {
 
 // The chain from `base` to `tip`. `locked` joints, in it or beside it, count as fixed where they
 // stand, and joints that mimic them stand accordingly. Other joints beside the chain are locked at
-// zero. Throws InputError for a missing or broken file, an unknown link and a tip that is not beyond
-// the base. It also does for joints of the chain that are neither revolute, continuous, prismatic
-// nor fixed, mimic joints in it, and masses or inertias that no body has; and for a locked joint
-// that the file does not have, that does not move, or that its limits do not let stand there.
+// zero. Throws InputError for a missing or broken file, an unknown link and a tip that is not
+// beyond the base. It also does for joints of the chain that are neither revolute, continuous,
+// prismatic nor fixed, mimic joints in it, and masses or inertias that no body has. Locked joints
+// must be in the file, move by themselves and stand within their limits, else it throws, too.
 [[nodiscard]] UrdfChain read_urdf_joints(const std::filesystem::path& file, const std::string& base,
                                          const std::string& tip, const LockedJoints& locked = {});
 
