@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "diagnosis/first_masses/free_response.hpp"
+#include "diagnosis/signal_faults/lost_samples.hpp"
 #include "diagnosis/signal_faults/spike.hpp"
 #include "diagnosis/signals/drive_work.hpp"
 
@@ -40,6 +41,9 @@ VectorXd without_spikes(VectorXd signal) {
   for (const Spike& spike : find_spikes(signal)) {
     const Index k = spike.sample;
     signal(k) = signal(k > 0 ? k - 1 : k);
+  }
+  if (const auto start = find_stale_start(signal)) {
+    signal.head(start->samples).setConstant(signal(start->samples));
   }
   return signal;
 }

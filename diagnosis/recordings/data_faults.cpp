@@ -200,6 +200,26 @@ void add_lost_samples(const ChannelSamples& samples, std::vector<Finding>& findi
                              samples.first_sample + static_cast<std::size_t>(last))));
 }
 
+// The rows before it belong to no motion that was recorded: the recording begins behind them.
+void add_stale_start(const ChannelSamples& samples, std::vector<Finding>& findings,
+                     std::vector<Index>& jumps) {
+  const Channel& channel = *samples.channel;
+  const bool is_velocity = channel.unit == "rad/s" || channel.unit == "m/s";
+  if (!is_measured_position(channel) && !(channel.role == ChannelRole::kOutput && is_velocity)) {
+    return;
+  }
+  const std::optional<StaleStart> start = find_stale_start(samples.values);
+  if (!start) return;
+  jumps.insert(jumps.begin(), start->samples);
+  findings.push_back(finding_of(
+      samples, 0, "stale start", start->strength,
+      fmt::format("is {:g} and then {:g} at once, by far the largest step: {} from before the "
+                  "recording?",
+                  samples.values(start->samples - 1), samples.values(start->samples),
+                  start->samples > 1 ? "old values" : "an old value"),
+      "a position that was set anew", segments_without(samples, 0, start->samples - 1)));
+}
+
 bool has_arrival_times(const ChannelSamples& samples, const std::optional<CounterWrap>& wrap,
                        std::vector<Finding>& findings) {
   if (!is_measured_position(*samples.channel)) return false;
@@ -329,7 +349,10 @@ DataFaults find_data_faults(const std::vector<ChannelSamples>& piece,
     if (wrap) add_wrap(samples, *wrap, findings);
     add_spikes(samples, findings, faulty.spikes);
     add_stuck_run(piece, samples, findings, faulty);
-    if (!wrap) add_lost_samples(samples, findings, faulty.jumps);
+    if (!wrap) {
+      add_lost_samples(samples, findings, faulty.jumps);
+      add_stale_start(samples, findings, faulty.jumps);
+    }
     add_quantisation(samples, findings);
     add_impacts(samples, findings);
     add_held_values(samples, findings);

@@ -46,4 +46,18 @@ std::optional<LostSamples> find_lost_samples(const Eigen::Ref<const Eigen::Vecto
   return found;
 }
 
+std::optional<StaleStart> find_stale_start(const Eigen::Ref<const Eigen::VectorXd>& values) {
+  constexpr Index kFewestSamples = 50, kMostStale = 2;
+  constexpr double kTimesLargest = 8.0;
+  if (values.size() < kFewestSamples || has_few_levels(values)) return {};
+  const Eigen::VectorXd steps = steps_of(values).cwiseAbs();
+  for (Index stale = kMostStale; stale > 0; --stale) {
+    const double largest = steps.tail(steps.size() - stale).maxCoeff();
+    const double threshold = kTimesLargest * largest;
+    if (!(largest > 0.0) || steps(stale - 1) <= threshold) continue;
+    return StaleStart{stale, steps(stale - 1) / threshold};
+  }
+  return {};
+}
+
 }  // namespace graybox

@@ -6,6 +6,10 @@
 // jump. A motion has no such jump where it is sampled well; a spike has two of opposite sign and is
 // not counted, nor is what happens at the first and the last two steps.
 // Rates: docs/how_to/faulty_data.md. Cost: O(n).
+//
+// The first two steps have a rule of their own, for measured positions and speeds. A recorder's
+// first rows may hold old values, from before it ran: 0.188, then -0.0002, -0.0002, ... Neither a
+// position nor a speed can go there at a stroke where no later step is an eighth as large.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,5 +29,14 @@ struct LostSamples {
 [[nodiscard]] std::optional<LostSamples> find_lost_samples(
     const Eigen::Ref<const Eigen::VectorXd>& time,
     const Eigen::Ref<const Eigen::VectorXd>& position);
+
+struct StaleStart {
+  Eigen::Index samples;  // old ones, one or two
+  double strength;       // the step behind them over its threshold
+};
+
+// None below 50 samples, for signals of at most 16 levels, and where no later step is above zero.
+[[nodiscard]] std::optional<StaleStart> find_stale_start(
+    const Eigen::Ref<const Eigen::VectorXd>& values);
 
 }  // namespace graybox

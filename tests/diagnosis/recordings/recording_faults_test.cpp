@@ -256,6 +256,22 @@ TEST(CounterWraps, AreNotSwitchesOrMarks) {
   EXPECT_FALSE(find_wrap(marked, 0.0));
 }
 
+TEST(LostSamples, AreNoOldValuesInTheFirstRows) {
+  VectorXd values = motion(400, 4);
+  EXPECT_FALSE(find_stale_start(values));
+  values(0) += 1.0;
+  ASSERT_TRUE(find_stale_start(values));
+  EXPECT_EQ(find_stale_start(values)->samples, 1);
+  values(1) = values(0);
+  EXPECT_EQ(find_stale_start(values)->samples, 2);
+  values(2) = values(0);
+  EXPECT_FALSE(find_stale_start(values)) << "three rows are a part of the recording";
+  // A step that decays within a row is the fastest motion that rows can show.
+  VectorXd response(400);
+  for (Index k = 0; k < 400; ++k) response(k) = std::exp(-1.0 * static_cast<double>(k));
+  EXPECT_FALSE(find_stale_start(response));
+}
+
 TEST(LostSamples, LeaveAJumpInThePosition) {
   const VectorXd whole = motion(4000, 4);
   EXPECT_FALSE(find_lost_samples(times(4000), whole));
@@ -705,6 +721,21 @@ TEST_F(RecordingFaultRates, HeldValues) {
   const Fault slower = [](const RecordedChannel& channel) { return held(channel.values, 5, 2); };
   EXPECT_EQ(rate(detects, as_it_is), 0.0);
   EXPECT_GT(rate(detects, slower), 0.9);
+}
+
+// A first row from another place is found, wherever the log begins.
+TEST_F(RecordingFaultRates, StaleStart) {
+  const Detector detects = [](const RecordedChannel&, const VectorXd& values) {
+    return find_stale_start(values).has_value();
+  };
+  const auto stale = [this](const RecordedChannel& channel) {
+    const Index first = somewhere(channel.values.size() / 2, 20);
+    VectorXd values = channel.values.tail(channel.values.size() - first);
+    values(0) += 0.5 * (channel.values.maxCoeff() - channel.values.minCoeff());
+    return values;
+  };
+  EXPECT_EQ(rate(detects, as_it_is, is_position), 0.0);
+  EXPECT_GT(rate(detects, stale, is_position), 0.9);
 }
 
 TEST_F(RecordingFaultRates, LostSamples) {
