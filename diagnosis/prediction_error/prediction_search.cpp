@@ -40,12 +40,9 @@ void forget_derivatives(PredictionFit& fit) {
   fit.residuals.resize(0);
 }
 
-// Whether the law that was added last has a parameter at a bound, or sizes out of order.
+// Whether the law that was added last has a parameter at a bound.
 bool has_run_away(const PredictionFit& fit) {
   const std::size_t first = fit.model.first_parameter(fit.model.laws.back().part);
-  const Element& law = fit.model.model.parts[fit.model.laws.back().part];
-  const bool at_signal = law.location.kind != LocationKind::kElement;
-  if (!keeps_order(*find_law(law.law_name, at_signal), law.parameters)) return true;
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
     if (fit.free[i] >= first && fit.at_bound[i]) return true;
   }
@@ -345,9 +342,7 @@ void PredictionSearch::end_race(const State& state, std::vector<TriedLaw>& tried
     one.gain = 1.0 - one.fit.cost / state.fit.cost;
     one.feeds_energy = fed_in_by(state, one.fit) > fed_limit;
     one.ran_away = has_run_away(one.fit) || pushes_away(one.fit) ||
-                   swings_too_slowly(one.fit, one.fit.model.laws.back(), *data_) ||
-                   is_late_at_bound(one.fit, one.fit.model.laws.back()) ||
-                   turns_its_drive(one.fit, one.fit.model.laws.back());
+                   is_on_no_machine(one.fit, one.fit.model.laws.back(), *data_);
   }
   std::ranges::stable_sort(tried, std::less{}, [](const TriedLaw& law) { return law.fit.cost; });
   keep_one_of_each(tried);

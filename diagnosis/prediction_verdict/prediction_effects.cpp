@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "diagnosis/predictor/told_law.hpp"
+
 namespace graybox {
 namespace {
 
@@ -112,6 +114,7 @@ std::vector<FoundEffect> PredictionEffects::of(std::span<const FittedLaw> laws) 
       add_bent_drive_or_drag(without, effect);
     }
     unite_delays(effect);
+    unite_forces_one_way(l, effect);
     effects.push_back(std::move(effect));
   }
   return effects;
@@ -127,6 +130,7 @@ void PredictionEffects::add_rivals(const AcceptedLaw& accepted, std::size_t law,
     const JudgedModel exchanged = from_.final->exchanged(law, tried.fit.model);
     Rival rival = rival_of(tried);
     if (exchanged.fit.usable) {
+      if (is_on_no_machine(exchanged.fit, exchanged.fit.model.laws.back(), *from_.data)) continue;
       const double z = from_.final->z_over(exchanged);
       rival.law = fitted_law(exchanged.fit.model, exchanged.fit.model.laws.back(), nullptr);
       rival.bic_difference = z * std::abs(z);
@@ -167,6 +171,7 @@ void PredictionEffects::add_if_stands(std::size_t other, const JudgedModel& with
   if (is_named(other, effect)) return;
   const JudgedModel exchanged = from_.final->with_law(without, other);
   if (!exchanged.fit.usable) return;
+  if (is_on_no_machine(exchanged.fit, exchanged.fit.model.laws.back(), *from_.data)) return;
   const double z = from_.final->z_over(exchanged);
   if (z >= kExcluded) return;
   Rival rival;
@@ -180,6 +185,7 @@ void PredictionEffects::add_exchanged(const JudgedModel& exchanged, FoundEffect&
   if (!exchanged.fit.usable) return;
   const PlacedFinding& placed = exchanged.fit.model.laws.back();
   if (is_named(placed.hypothesis, effect)) return;
+  if (is_on_no_machine(exchanged.fit, placed, *from_.data)) return;
   const double z = from_.final->z_over(exchanged);
   Rival rival;
   rival.law = fitted_law(exchanged.fit.model, placed, nullptr);
@@ -219,6 +225,7 @@ void PredictionEffects::add_richer_friction(std::size_t law, FoundEffect& effect
     if (std::ranges::any_of(effect.rivals, is_this)) continue;
     const JudgedModel fitted = from_.final->in_place_of(law, richer);
     if (!fitted.fit.usable) continue;
+    if (is_on_no_machine(fitted.fit, fitted.fit.model.laws.back(), *from_.data)) continue;
     const double z = z_between(from_.final->found().fit, fitted.fit);
     if (!(z > kWorthNaming) || raises_held_out(fitted)) continue;
     Rival rival;
@@ -255,6 +262,37 @@ void PredictionEffects::unite_delays(FoundEffect& effect) const {
   const auto names_twin = [&](const Rival& rival) { return is_twin(rival.law.hypothesis); };
   std::erase_if(effect.rivals, names_twin);
   std::erase_if(effect.excluded, names_twin);
+}
+
+// On the way one way without a rest dry friction and a constant force are one, whatever a fit that
+// starts from the other may say; and so is a dead zone of the drive, which never changes its sign.
+void PredictionEffects::unite_forces_one_way(std::size_t law, FoundEffect& effect) const {
+  constexpr double kRests = 0.02;     // of the fastest motion
+  constexpr double kFewRests = 0.01;  // of all samples
+  const std::vector<Hypothesis>& all = from_.hypotheses->hypotheses();
+  const Hypothesis& found = all[effect.law.hypothesis];
+  if (found.law != "coulomb" || from_.hypotheses->held_at_standstill() > 0.0) return;
+  const ExtendedLumpedModel& model = from_.final->found().fit.model;
+  const Eigen::MatrixXd motion = from_.final->motion();
+  const VectorXd rate =
+      motion.rightCols(motion.cols() / 2) * model.model.parts[model.laws[law].part].location.input;
+  const double fastest = rate.cwiseAbs().maxCoeff();
+  const auto rests = static_cast<double>((rate.array().abs() < kRests * fastest).count());
+  if (lesser_way(rate) > kOneWay || rests > kFewRests * static_cast<double>(rate.size())) return;
+  const auto is_offset = [&](const Rival& rival) {
+    return all[rival.law.hypothesis].law == "offset" &&
+           all[rival.law.hypothesis].place == found.place;
+  };
+  const auto is_dead_zone = [&](const Rival& rival) {
+    const Location& place = from_.hypotheses->location(rival.law.hypothesis);
+    return all[rival.law.hypothesis].law == "dead_zone" && place.kind == LocationKind::kActuator;
+  };
+  std::erase_if(effect.excluded, is_dead_zone);
+  const auto excluded = std::ranges::find_if(effect.excluded, is_offset);
+  if (excluded == effect.excluded.end()) return;
+  excluded->bic_difference = 0.0;
+  effect.rivals.push_back(std::move(*excluded));
+  effect.excluded.erase(excluded);
 }
 
 bool PredictionEffects::is_found(std::size_t hypothesis) const {

@@ -42,6 +42,7 @@ class PredictionEffects {
   void add_richer_friction(std::size_t law, FoundEffect& effect) const;
   [[nodiscard]] bool raises_held_out(const JudgedModel& other) const;
   void unite_delays(FoundEffect& effect) const;
+  void unite_forces_one_way(std::size_t law, FoundEffect& effect) const;
   [[nodiscard]] bool is_found(std::size_t hypothesis) const;
 
   PredictionOutcome from_;

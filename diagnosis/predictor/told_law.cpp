@@ -83,6 +83,45 @@ bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law) {
   return (is_gain || part.law_name == "curved_gain") && part.parameters[0] <= -1.0;
 }
 
+namespace {
+
+// Exactly zero, as counts of an encoder are that stands still; noise about an offset is not.
+bool rests_at_zero(const VectorXd& readings) {
+  for (Index k = 1; k < readings.size(); ++k) {
+    if (readings(k - 1) == 0.0 && readings(k) == 0.0) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool contradicts_its_zero(const PredictionFit& fit, const PlacedFinding& law,
+                          const PredictionData& data) {
+  constexpr double kFarOff = 0.1;  // of the largest reading
+  const Element& part = fit.model.model.parts[law.part];
+  if (part.law_name != "offset" || part.location.kind != LocationKind::kSensor) return false;
+  const Index channel = part.location.channel;
+  using enum LumpedOutput::Quantity;
+  if (fit.model.model.outputs[static_cast<std::size_t>(channel)].quantity != kVelocity)
+    return false;
+  double largest = 0.0;
+  for (const OutputErrorRecording& recording : data.recordings()) {
+    const VectorXd readings = recording.outputs.col(channel);
+    if (rests_at_zero(readings)) return true;
+    if (readings.size() > 0) largest = std::max(largest, readings.cwiseAbs().maxCoeff());
+  }
+  return std::abs(part.parameters[0]) > kFarOff * largest;
+}
+
+bool is_on_no_machine(const PredictionFit& fit, const PlacedFinding& law,
+                      const PredictionData& data) {
+  const Element& part = fit.model.model.parts[law.part];
+  const LawEntry& entry = *find_law(part.law_name, part.location.kind != LocationKind::kElement);
+  return !keeps_order(entry, part.parameters) || swings_too_slowly(fit, law, data) ||
+         is_late_at_bound(fit, law) || turns_its_drive(fit, law) ||
+         contradicts_its_zero(fit, law, data);
+}
+
 bool has_loose_frequency(const PredictionFit& fit, const VectorXd& deviations,
                          const PlacedFinding& law) {
   constexpr double kLoose = 0.3;  // standard error over value

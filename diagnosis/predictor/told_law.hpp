@@ -38,6 +38,16 @@ struct ToldSize {
 // A drive whose gain, bent as found, turns its sign within what was asked of it. No drive does.
 [[nodiscard]] bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law);
 
+// A speed's sensor that is said to be off from zero, though it reads exactly zero two samples in a
+// row, or by more than a tenth of all that it ever read. No tachometer is.
+[[nodiscard]] bool contradicts_its_zero(const PredictionFit& fit, const PlacedFinding& law,
+                                        const PredictionData& data);
+
+// Any of the four before, or sizes out of order, as of a Stribeck curve that holds less at
+// standstill than sliding: a law as no machine has it.
+[[nodiscard]] bool is_on_no_machine(const PredictionFit& fit, const PlacedFinding& law,
+                                    const PredictionData& data);
+
 // A wave longer than the way that was gone is none: it stands in for a constant or a spring.
 // `motion`: samples x (positions, velocities).
 [[nodiscard]] bool is_longer_than_the_way(const PredictionFit& fit, const PlacedFinding& law,

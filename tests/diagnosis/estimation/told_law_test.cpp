@@ -3,10 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "diagnosis/recordings/campaign.hpp"
 #include "problems/laws/law_catalogue.hpp"
 #include "tests/support/temporary_folder.hpp"
 
@@ -32,9 +36,10 @@ outputs:
 )";
 
 // At the axis, or at the sensor of an output.
-PredictionFit fit_with(const std::string& law, const std::vector<double>& values, int output = -1) {
+PredictionFit fit_with(const std::string& law, const std::vector<double>& values, int output = -1,
+                       const std::string& text = kAxis) {
   const testing::TemporaryFolder folder;
-  testing::write_text(folder.file("axis.yaml"), kAxis);
+  testing::write_text(folder.file("axis.yaml"), text);
   const LumpedModel axis = load_lumped_model(folder.file("axis.yaml"));
   LawExtension extension;
   extension.location = axis.parts.front().location;
@@ -104,6 +109,40 @@ TEST(ToldLaw, ADriveWhoseGainTurnsIsNone) {
   EXPECT_TRUE(turns_its_drive(reversed, reversed.model.laws.front()));
   reversed.model.model.parts.back().parameters[0] = -0.3;
   EXPECT_FALSE(turns_its_drive(reversed, reversed.model.laws.front()));
+}
+
+// A tachometer that reads exactly zero at rest is not off from it, nor is one by half its range.
+TEST(ToldLaw, ASpeedThatReadsZeroAtRestHasNoOffset) {
+  std::string text = kAxis;
+  text.replace(text.find("{name: angle"), std::string("{name: angle").size(), "{name: speed");
+  text.replace(text.find("quantity: position"), std::string("quantity: position").size(),
+               "quantity: velocity");
+  const testing::TemporaryFolder folder;
+  testing::write_text(folder.file("axis.yaml"), text);
+  testing::write_text(folder.file("campaign.yaml"), R"(format: graybox-campaign/1
+sample_time: 0.01
+time: {column: t, unit: s}
+channels:
+  - {name: torque, column: u, unit: N m, is: input}
+  - {name: speed, column: v, unit: rad/s, is: output}
+hold: zero
+experiments: [{file: log.csv}]
+)");
+  const auto is_contradicted = [&](int zeros, double offset) {
+    std::string log = "t,u,v\n";
+    for (int k = 0; k < 200; ++k) {
+      const double speed = k < zeros ? 0.0 : 4.0 * std::sin(0.07 * k) + 0.01 * (k % 3);
+      log += fmt::format("{:.2f},{:.4f},{:.4f}\n", 0.01 * k, std::cos(0.07 * k), speed);
+    }
+    testing::write_text(folder.file("log.csv"), log);
+    const LumpedModel axis = load_lumped_model(folder.file("axis.yaml"));
+    const PredictionData data(axis, read_campaign(folder.file("campaign.yaml")), 1);
+    const PredictionFit fit = fit_with("offset", {offset}, 0, text);
+    return contradicts_its_zero(fit, fit.model.laws.front(), data);
+  };
+  EXPECT_FALSE(is_contradicted(1, 0.1));
+  EXPECT_TRUE(is_contradicted(2, 0.1));
+  EXPECT_TRUE(is_contradicted(1, -0.5));
 }
 
 // The spring of a servo is known, and its mass and damper may be guesses all the same.
