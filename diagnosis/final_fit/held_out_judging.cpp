@@ -43,8 +43,8 @@ PredictionFitter judge_of(const LastFit& last, const ExtendedLumpedModel& model,
   return {*last.data, ahead, start_intensity(model, *last.data, last.threads), last.threads};
 }
 
-// rms of each output kept out about its mean; what stands still has no signal of its own.
-VectorXd held_out_scale(const LastFit& last, const PredictionTask& task) {
+// The scales of the outputs kept out, and which of them stand still.
+void take_held_out_scale(const LastFit& last, const PredictionTask& task, JudgedModel& model) {
   const VectorXd &noise = last.data->noise(), &scale = last.data->output_scale();
   VectorXd squares = VectorXd::Zero(last.data->output_count());
   double samples = 0.0;
@@ -55,10 +55,13 @@ VectorXd held_out_scale(const LastFit& last, const PredictionTask& task) {
     samples += static_cast<double>(outputs.rows());
   }
   VectorXd size = (squares / samples).cwiseSqrt();
+  model.stands_held_out.clear();
   for (Index j = 0; j < size.size(); ++j) {
-    if (size(j) < kStands * noise(j)) size(j) = scale(j);
+    const bool stands = size(j) < kStands * noise(j);
+    if (stands) size(j) = scale(j);
+    model.stands_held_out.push_back(stands);
   }
-  return size;
+  model.held_out_scale = size;
 }
 
 }  // namespace
@@ -96,7 +99,7 @@ bool raises_held_out(const LastFit& last, const JudgedModel& without, const Judg
 void judge_held_out(const LastFit& last, JudgedModel& model) {
   if (!last.data->has_validation() || !model.fit.usable) return;
   const PredictionTask task = held_out_task(last, last.judged_by);
-  model.held_out_scale = held_out_scale(last, task);
+  take_held_out_scale(last, task, model);
   model.held_out_trouble.clear();
   if (task.counted() == 0) {
     model.held_out_trouble = "the recordings kept out are shorter than what the fit was judged by";

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "diagnosis/predictor/prediction_fit.hpp"
 
@@ -18,7 +19,10 @@ struct JudgedModel {
   std::optional<Eigen::VectorXd> held_out_error;
   std::string
       held_out_trouble;  // why what was kept out has no error; empty: it has, or nothing was
-  Eigen::VectorXd held_out_scale;  // rms of the outputs kept out about their means
+  // rms of the outputs kept out about their means. What stands still there within its noise has no
+  // signal of its own: then that of the fit.
+  Eigen::VectorXd held_out_scale;
+  std::vector<bool> stands_held_out;  // of each output
 };
 
 // An error on recordings kept out, so far ahead.

@@ -588,6 +588,19 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   return both;
 }
 
+// Of what hardly moves in the recordings kept out an error over its own signal says nothing.
+void tell_what_stands_kept_out(const PredictionOutcome& outcome, Diagnosis& diagnosis) {
+  const JudgedModel& found = outcome.final->found();
+  if (!found.held_out_error) return;
+  for (std::size_t j = 0; j < found.stands_held_out.size(); ++j) {
+    if (!found.stands_held_out[j]) continue;
+    diagnosis.assumptions.push_back(fmt::format(
+        "In the recordings kept out {} hardly moves beyond its noise: errors of it there are given "
+        "over its signal in the fit, and they check little. Keep out a part that moves.",
+        outcome.stated->output_names[j]));
+  }
+}
+
 // What was held, what moved far, and what holds only if some force is absent, in sentences.
 void add_assumptions(const PredictionOutcome& outcome, const LumpedModel& given,
                      const std::string& held, Diagnosis& diagnosis) {
@@ -595,6 +608,7 @@ void add_assumptions(const PredictionOutcome& outcome, const LumpedModel& given,
     if (!words.empty()) diagnosis.assumptions.push_back(words);
   }
   if (diagnosis.interrupted) return;
+  tell_what_stands_kept_out(outcome, diagnosis);
   std::ranges::copy(confounded_sizes(outcome), std::back_inserter(diagnosis.assumptions));
 }
 

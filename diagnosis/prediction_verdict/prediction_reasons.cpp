@@ -205,8 +205,11 @@ void PredictionReasons::add_held_out(std::vector<VerdictReason>& list) const {
   for (Index j = 0; j < from_.data->output_count(); ++j) {
     const double error = percent(judged.error, j), limit = limits(j);
     list.push_back(
-        test(fmt::format("{} of {} {}, % of its signal", kHeldOutTest,
-                         from_.stated->output_names[static_cast<std::size_t>(j)], ahead),
+        test(fmt::format("{} of {} {}, % of its signal{}", kHeldOutTest,
+                         from_.stated->output_names[static_cast<std::size_t>(j)], ahead,
+                         found.stands_held_out[static_cast<std::size_t>(j)]
+                             ? " in the fit (kept out it stands still within its noise)"
+                             : ""),
              error, limit, error <= limit,
              "put recordings like those kept out into the fit, and look at when the error is "
              "largest"));
