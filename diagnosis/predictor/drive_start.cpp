@@ -76,4 +76,18 @@ VectorXd drives_before(const LumpedModel& model, const OutputErrorRecording& rec
   return before;
 }
 
+Index samples_at_rest(const LumpedModel& model, const OutputErrorRecording& recording) {
+  const bool is_one_mass = model.masses.size() == 1 && !model.imposed.front();
+  if (!is_one_mass || recording.past_inputs.rows() > 0 || recording.outputs.rows() < 3) return 0;
+  const std::optional<VectorXd> speed = measured_speed(model, recording);
+  if (!speed) return 0;
+  const double still =
+      kRests * std::sqrt(speed->squaredNorm() / static_cast<double>(speed->size()));
+  const bool is_zeroed = recording.outputs(0, 0) == 0.0 && std::abs((*speed)(0)) <= still;
+  if ((*speed)(0) != 0.0 && !is_zeroed) return 0;
+  Index count = 1;
+  while (count < speed->size() && std::abs((*speed)(count)) <= still) ++count;
+  return count;
+}
+
 }  // namespace graybox

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "diagnosis/predictor/drive_start.hpp"
 #include "problems/base/error.hpp"
 
 namespace graybox {
@@ -349,6 +350,7 @@ PredictionData PredictionData::with_factors(const LumpedModel& model,
 
 PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, int threads)
     : problem_(model, std::move(data), threads) {
+  constexpr double kTwice = 2.0;
   sample_time_ = sample_time_of(problem_.data().recordings.front());
   const double phase = fastest_mode(model, recordings()) * sample_time_;
   steps_ = std::clamp(static_cast<int>(std::ceil(phase / kLargestPhase)),
@@ -364,8 +366,14 @@ PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, i
     rounded_.push_back(step > 0.0 ||
                        model.outputs[j].quantity == LumpedOutput::Quantity::kPosition);
   }
-  for (const OutputErrorRecording& recording : recordings()) {
-    standing_.push_back(standing_samples(model, recording.outputs, noise_));
+  for (std::size_t r = 0; r < recording_count(); ++r) {
+    standing_.push_back(standing_samples(model, recording(r).outputs, noise_));
+    const bool is_short = recording(r).time.size() < kShortRecording;
+    rests_at_start_.push_back(is_short ? samples_at_rest(model, recording(r)) : 0);
+    const Eigen::VectorXd initial = measured_initial(r);
+    largest_first_speeds_.push_back(rests_at_start_.back() > 0
+                                        ? kTwice * std::abs(initial(initial.size() - 1))
+                                        : std::numeric_limits<double>::infinity());
   }
   measure_force(model);
 }
@@ -493,7 +501,9 @@ PredictionTask PredictionData::free_after_start(ExperimentRole role) const {
   PredictionTask task = windows(0, role);
   for (PredictionRun& run : task.runs) {
     task.horizon = std::max(task.horizon, run.samples);
-    run.first = std::min(seen, run.samples / 2);
+    const Index rests = rests_at_start_[run.recording];
+    const Index first = rests > 0 ? std::min(seen, std::max(rests, kSeenAtRest)) : seen;
+    run.first = std::min(first, run.samples / 2);
     run.horizon = run.samples - run.first;
   }
   return task;

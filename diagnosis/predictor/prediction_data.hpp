@@ -72,6 +72,8 @@ struct SampleLimit {
 
 // Recorded samples from which the state is told before a recording runs free: at most half of it.
 inline constexpr Eigen::Index kSeenBeforeFreeRun = 200;
+// Likewise of a recording of fewer than kShortRecording samples that begins at rest.
+inline constexpr Eigen::Index kSeenAtRest = 10, kShortRecording = 2000;
 
 class PredictionData {
  public:
@@ -142,7 +144,14 @@ class PredictionData {
   // How far ahead a search begins: ten samples, or as many as leave ten windows, three at least.
   [[nodiscard]] Eigen::Index first_horizon() const;
 
-  // Free run after the first kSeenBeforeFreeRun recorded samples, which the predictor sees.
+  // The largest speed with which a recording may begin; infinite but for one mass that begins at
+  // rest (drive_start.hpp) in a short recording.
+  [[nodiscard]] double largest_first_speed(std::size_t recording) const {
+    return largest_first_speeds_[recording];
+  }
+
+  // Free run after the first kSeenBeforeFreeRun recorded samples, which the predictor sees. A short
+  // recording that begins at rest tells its state at once, and the run sees how it sets off.
   [[nodiscard]] PredictionTask free_after_start(ExperimentRole role) const;
   [[nodiscard]] PredictionTask windows(Eigen::Index horizon,
                                        ExperimentRole role = ExperimentRole::kEstimation) const;
@@ -162,6 +171,8 @@ class PredictionData {
   std::vector<bool> rounded_;
   std::vector<double> steps_of_outputs_;             // by which they are rounded
   std::vector<std::vector<std::uint8_t>> standing_;  // by recording: samples
+  std::vector<Eigen::Index> rests_at_start_;         // likewise, with which it begins
+  std::vector<double> largest_first_speeds_;
   bool moves_freely_ = false;
   double force_scale_ = 1.0, largest_force_ = std::numeric_limits<double>::quiet_NaN();
 };

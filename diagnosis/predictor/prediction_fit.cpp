@@ -226,9 +226,14 @@ PredictionFitter::Point PredictionFitter::moved(const Point& from,
   point.gain = from.gain;
   auto next = static_cast<Index>(free.size());
   if (next == step.size()) return point;
-  for (VectorXd& initial : point.initials) {
+  for (std::size_t r = 0; r < point.initials.size(); ++r) {
+    VectorXd& initial = point.initials[r];
     initial += step.segment(next, initial.size());
     next += initial.size();
+    // The speed is the last of one mass's state.
+    const double fastest = data_->largest_first_speed(task_->runs[r].recording);
+    double& speed = initial(initial.size() - 1);
+    speed = std::clamp(speed, -fastest, fastest);
   }
   return point;
 }

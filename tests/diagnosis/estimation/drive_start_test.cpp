@@ -76,6 +76,22 @@ TEST(DriveStart, AMachineThatTurnsStaysOrGoesAtOnceHadTheFirstCommand) {
   EXPECT_EQ(drives_before(motor_with(""), changes)(0), 1.0);
 }
 
+// At rest speeds read zero and positions the same; a counter begins at zero. What turns is no rest.
+TEST(DriveStart, ARecordingBeginsAtRestWhereItsFirstReadingsSaySo) {
+  const LumpedModel by_speed = motor_with(""), by_position = motor_with("", "position");
+  EXPECT_GT(samples_at_rest(by_speed, recording(0.0, 30.0)), 0);
+  EXPECT_GT(samples_at_rest(by_position, recording(0.0, 30.0, true)), 0);
+  EXPECT_EQ(samples_at_rest(by_speed, recording(25.0, 30.0)), 0);
+  EXPECT_EQ(samples_at_rest(by_position, recording(25.0, 30.0, true)), 0);
+  OutputErrorRecording shifted = recording(0.0, 30.0, true);
+  shifted.outputs.array() += 0.7;
+  shifted.outputs(1, 0) += 0.01;
+  EXPECT_EQ(samples_at_rest(by_position, shifted), 0) << "neither twice the same nor zero";
+  OutputErrorRecording goes_on = recording(0.0, 30.0);
+  goes_on.past_inputs = Eigen::MatrixXd::Constant(5, 1, kTorque);
+  EXPECT_EQ(samples_at_rest(by_speed, goes_on), 0) << "a part of a file before it";
+}
+
 // T x' = u - x from x(0) = 0: x = u (1 - exp(-t/T)); from x(0) = u: x = u.
 TEST(DriveStart, ALateActuatorBeginsFromThere) {
   const LumpedModel late = motor_with(kLate);
