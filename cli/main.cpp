@@ -1,12 +1,15 @@
 // graybox: the command. Parses, calls the libraries, prints.
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <new>
 #include <string>
 
 #include "cli/arguments/option_checks.hpp"
 #include "cli/commands/commands.hpp"
 #include "cli/front/diagnosis_commands.hpp"
+#include "cli/front/help_formatter.hpp"
+#include "cli/front/help_text.hpp"
 #include "cli/front/output_paths.hpp"
 #include "cli/front/task_list.hpp"
 #include "cli/process/start_up.hpp"
@@ -57,30 +60,31 @@ int complain(const std::string& line) {
   return graybox::cli::kBadInput;
 }
 
+// In the order of the tasks (task_list.cpp), which is that of --help.
+void add_commands(CLI::App& app, graybox::cli::Invocation& invocation) {
+  graybox::cli::add_solve_command(app, invocation);
+  graybox::cli::add_design_command(app, invocation);
+  graybox::cli::add_exact_command(app, invocation);
+  graybox::cli::add_check_command(app, invocation);
+  graybox::cli::add_plot_command(app, invocation);
+  graybox::cli::add_problem_command(app, invocation);
+  graybox::cli::add_diagnosis_commands(app, invocation);
+  graybox::cli::add_ellipsoid_command(app, invocation);
+  graybox::cli::add_solvers_command(app, invocation);
+  graybox::cli::add_study_command(app, invocation);
+  graybox::cli::add_paper_command(app, invocation);
+  graybox::cli::add_completion_command(app, invocation);
+  graybox::cli::add_help_command(app, invocation);
+}
+
 int run(int argc, char** argv) {
   CLI::App app("Optimal experiment design for gray-box models, with a certificate.", "graybox");
   app.require_subcommand(1);
   app.set_version_flag("--version", graybox::written_by(), "Print version and commit and exit");
-  app.footer(
-      "Exit codes: 0 done, 1 a numerical outcome short of what was asked, 2 bad input or usage.\n"
-      "Examples:\n"
-      "  graybox problem robot -o set.h5\n"
-      "  graybox solve set.h5 --solver column_generation --gap 1e-9 -o design.json\n"
-      "  graybox check set.h5 design.json");
+  app.formatter(std::make_shared<graybox::cli::HelpFormatter>(graybox::cli::terminal_columns()));
   graybox::cli::Invocation invocation{argv};
-  graybox::cli::add_problem_command(app, invocation);
-  graybox::cli::add_solvers_command(app, invocation);
-  graybox::cli::add_solve_command(app, invocation);
-  graybox::cli::add_check_command(app, invocation);
-  graybox::cli::add_exact_command(app, invocation);
-  graybox::cli::add_plot_command(app, invocation);
-  graybox::cli::add_ellipsoid_command(app, invocation);
-  graybox::cli::add_design_command(app, invocation);
-  graybox::cli::add_paper_command(app, invocation);
-  graybox::cli::add_study_command(app, invocation);
-  graybox::cli::add_diagnosis_commands(app, invocation);
-  graybox::cli::add_completion_command(app, invocation);
-  graybox::cli::add_help_command(app, invocation);
+  add_commands(app, invocation);
+  graybox::cli::group_by_task(app);
   graybox::cli::check_common_options(app);
   app.parse_complete_callback([&app] {
     graybox::cli::require_values(app);

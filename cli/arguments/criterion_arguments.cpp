@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "cli/arguments/option_groups.hpp"
 #include "problems/base/error.hpp"
 #include "problems/base/packed_matrix.hpp"
 #include "problems/files/input_file.hpp"
@@ -329,28 +330,32 @@ std::vector<EfficiencyFloor> CriterionArguments::read_floors(const InformationSe
 }
 
 void add_floor_option(CLI::App& command, CriterionArguments& arguments) {
-  command.add_option("--floor", arguments.floor,
-                     "the least efficiency under other criteria: A=0.9,I=0.8");
+  command
+      .add_option("--floor", arguments.floor,
+                  "the least efficiency under other criteria: A=0.9,I=0.8")
+      ->group(kCriterionOptions);
 }
 
 void add_criterion_options(CLI::App& command, CriterionArguments& arguments) {
   command.add_option("--criterion", arguments.name,
-                     "D (default), A, E, L (with --weights), Ds (with --interest), c (with "
-                     "--combination), I, G (with --region), phi_p (with --p), or several with "
-                     "their shares: D=0.5,A=0.5");
-  command.add_option("--weights", arguments.weights,
-                     "W of criterion L: name=weight,... (a diagonal W), or a CSV file with W, or "
-                     "with one line for the variance of one combination of the parameters");
-  command.add_option("--interest", arguments.interest,
-                     "parameters of interest of criterion Ds: names or indices, with commas; "
-                     "'joint_*' all that begin so, '!block_*' all but those");
-  command.add_option("--combination", arguments.combination,
-                     "linear functions of criterion c: name=factor,... with semicolons between "
-                     "them, or a CSV file with a function a line");
-  command.add_option("--region", arguments.region,
-                     "where I and G predict: a CSV file with a regressor a line, or an information "
-                     "set (default: the candidates)");
-  command.add_option("--p", arguments.p, "of criterion phi_p: above 0 (D) over 1 (A) to inf (E)");
+                     "D (default), A, E, L, Ds, c, I, G, phi_p, or several with their shares: "
+                     "D=0.5,A=0.5");
+  const auto add = [&](const char* name, std::string& value, const char* text) {
+    command.add_option(name, value, text)->group(kCriterionOptions);
+  };
+  add("--weights", arguments.weights,
+      "W of criterion L: name=weight,... (a diagonal W), or a CSV file with W, or with one line "
+      "for the variance of one combination of the parameters");
+  add("--interest", arguments.interest,
+      "parameters of interest of criterion Ds: names or indices, with commas; 'joint_*' all that "
+      "begin so, '!block_*' all but those");
+  add("--combination", arguments.combination,
+      "linear functions of criterion c: name=factor,... with semicolons between them, or a CSV "
+      "file with a function a line");
+  add("--region", arguments.region,
+      "where I and G predict: a CSV file with a regressor a line, or an information set (default: "
+      "the candidates)");
+  add("--p", arguments.p, "of criterion phi_p: above 0 (D) over 1 (A) to inf (E)");
 }
 
 }  // namespace graybox::cli

@@ -8,15 +8,14 @@ namespace graybox::cli {
 
 void add_report_option(CLI::App& command, DesignOutputArguments& arguments) {
   command.add_option("--report", arguments.page,
-                     "write one page with the design, its proof and errors (HTML)");
+                     "write a page with design, proof and errors (HTML)");
 }
 
 void add_design_output_options(CLI::App& command, DesignOutputArguments& arguments) {
   add_report_option(command, arguments);
-  command.add_option("--model", arguments.model,
-                     "robot whose poses the page draws: its file, or default");
+  command.add_option("--model", arguments.model, "robot that the page draws: a file, or default");
   command.add_option("--format", arguments.format,
-                     "print the design as a table in the order to run it: csv, markdown, latex");
+                     "print a table to run from: csv, markdown or latex");
 }
 
 void require_design_output(const DesignOutputArguments& arguments, bool json) {

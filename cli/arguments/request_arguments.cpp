@@ -3,6 +3,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "cli/arguments/option_groups.hpp"
+
 namespace graybox::cli {
 namespace {
 
@@ -40,7 +42,7 @@ void add_request_options(CLI::App& command, RequestArguments& arguments,
                          ExperimentsOption experiments) {
   DesignRequest& options = arguments.options;
   const auto add = [&](const char* name, auto& value, const char* text) {
-    command.add_option(name, value, text)->group("What the next experiments have to obey");
+    command.add_option(name, value, text)->group(kConstraintOptions);
   };
   add("--request", arguments.file, "all of this in one file, graybox-request/1");
   if (experiments == ExperimentsOption::kAdded) {

@@ -2,26 +2,30 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/arguments/option_groups.hpp"
 #include "problems/formats/information_set_file.hpp"
 
 namespace graybox::cli {
 
 void add_set_options(CLI::App& command, SetArguments& arguments) {
   command.add_option("set", arguments.path, "information set: .h5, .npy, .csv or .mat")->required();
-  command.add_option("--variable", arguments.variable, "variable of a .mat file with several");
+  command.add_option("--variable", arguments.variable, "variable of a .mat file with several")
+      ->group(kReadingOptions);
   add_psd_tolerance(command, arguments.psd_tolerance);
 }
 
 void add_factors_option(CLI::App& command, SetArguments& arguments) {
-  command.add_flag("--factors", arguments.factors,
-                   "a .npy or .csv file holds factors F, H = F'F: [Q x d] or [Q x k x d]");
+  command
+      .add_flag("--factors", arguments.factors,
+                "the file holds F of H = F'F: [Q x d] or [Q x k x d]")
+      ->group(kReadingOptions);
 }
 
 void add_psd_tolerance(CLI::App& command, double& tolerance) {
   command
       .add_option("--psd-tolerance", tolerance,
-                  "make matrices positive semidefinite whose negative eigenvalues, relative to the "
-                  "largest, are no larger than this")
+                  "negative eigenvalues up to this, relative to the largest, become zero")
+      ->group(kReadingOptions)
       ->capture_default_str();
 }
 

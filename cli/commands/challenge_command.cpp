@@ -266,8 +266,8 @@ void add_score(CLI::App& app, Invocation& invocation) {
 }  // namespace
 
 void add_challenge_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand(
-      "challenge", "Prove the diagnosis on recordings whose missing physics is concealed");
+  auto* command =
+      app.add_subcommand("challenge", "Prove the diagnosis on cases whose physics is concealed");
   command->require_subcommand(1);
   add_make(*command, invocation);
   add_run(*command, invocation);

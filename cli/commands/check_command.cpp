@@ -293,9 +293,9 @@ void add_check_command(CLI::App& app, Invocation& invocation) {
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   add_criterion_options(*command, arguments->criterion);
   add_request_options(*command, arguments->request);
-  add_design_output_options(*command, arguments->shown);
   command->add_option("--gap", arguments->gap,
                       "duality gap to hold it to (default: the one the design was asked for)");
+  add_design_output_options(*command, arguments->shown);
   add_time_limit(*command, OnStop::kLosesNothing);
   command->add_flag("--json", arguments->json, "print one machine-readable line");
   command->footer(

@@ -95,8 +95,7 @@ int execute(Arguments& arguments, const Invocation& invocation) {
 
 void add_diagnose_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand(
-      "diagnose",
-      "Find the physics that a model lacks, from recordings: where, what, and how sure");
+      "diagnose", "Find the physics that a model lacks: where, what, and how sure");
   auto arguments = std::make_shared<Arguments>();
   add_machine_files(*command, arguments->request.model, arguments->request.campaign);
   command->add_option("-o,--output", arguments->request.report,

@@ -257,15 +257,15 @@ void add_exact_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-M,--experiments", arguments->experiments,
                       "experiments to run, M; with --table a list as 1:20,25,30");
   add_criterion_options(*command, arguments->criterion);
-  command->add_option("--top", arguments->top, "how many of the best designs to list")
-      ->capture_default_str();
   add_request_options(*command, arguments->request, ExperimentsOption::kOwn);
+  command->add_option("--gap", options.gap, "proven loss of efficiency to stop at")
+      ->capture_default_str();
   add_design_output_options(*command, arguments->shown);
   command
       ->add_option("--method", arguments->method,
                    "rounding, efficient_rounding, exchange or branch_and_bound")
       ->capture_default_str();
-  command->add_option("--gap", options.gap, "proven loss of efficiency to stop at")
+  command->add_option("--top", arguments->top, "how many of the best designs to list")
       ->capture_default_str();
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   add_threads(*command, options.threads);

@@ -94,14 +94,14 @@ int execute(const Arguments& arguments) {
 }  // namespace
 
 void add_export_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand(
-      "export", "A model with what was found, for other programs: C function, tables or URDF");
+  auto* command =
+      app.add_subcommand("export", "A model for other programs: a C function, tables or URDF");
   auto arguments = std::make_shared<Arguments>();
   command
       ->add_option("model", arguments->model,
                    "graybox-lumped/1 or graybox-rigid-robot/1, such as model_extended.yaml")
       ->required();
-  command->add_option("--to", arguments->kind, "what to write")
+  command->add_option("--to", arguments->kind, "what to write: c, csv or urdf")
       ->check(CLI::IsMember({"c", "csv", "urdf"}))
       ->required();
   command->add_option("-o,--output", arguments->output,

@@ -108,8 +108,8 @@ int execute(const Arguments& arguments, const Invocation& invocation) {
 }  // namespace
 
 void add_predict_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand(
-      "predict", "How well does a model predict recordings, as it stands? Nothing is fitted");
+  auto* command =
+      app.add_subcommand("predict", "How well a model predicts recordings, as it stands");
   auto arguments = std::make_shared<Arguments>();
   add_machine_files(*command, arguments->model, arguments->campaign,
                     "graybox-lumped/1 or graybox-rigid-robot/1 (YAML)");

@@ -166,8 +166,8 @@ int execute(const ResponsesArguments& arguments) {
 }  // namespace
 
 void add_responses_command(CLI::App& app, Invocation& invocation) {
-  auto* command = app.add_subcommand(
-      "responses", "Estimate frequency responses with their uncertainty from recordings");
+  auto* command =
+      app.add_subcommand("responses", "Estimate frequency responses with their uncertainty");
   auto arguments = std::make_shared<ResponsesArguments>();
   command
       ->add_option("campaign", arguments->campaign,

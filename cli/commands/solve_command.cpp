@@ -266,15 +266,14 @@ void add_solve_command(CLI::App& app, Invocation& invocation) {
   SolveOptions& options = arguments->options;
   add_set_options(*command, arguments->set);
   add_factors_option(*command, arguments->set);
-  command->add_option("--solver", arguments->solver,
-                      "back-end (column_generation), see 'graybox solvers'");
-  command->add_option("--start", arguments->start,
-                      "design of this set to begin from: a file that -o has written");
   add_criterion_options(*command, arguments->criterion);
   add_floor_option(*command, arguments->criterion);
   add_request_options(*command, arguments->request);
-  add_design_output_options(*command, arguments->shown);
   command->add_option("--gap", options.duality_gap, "duality gap to reach")->capture_default_str();
+  add_design_output_options(*command, arguments->shown);
+  command->add_option("--solver", arguments->solver,
+                      "column_generation, or another of 'graybox solvers'");
+  command->add_option("--start", arguments->start, "design to begin from, as -o has written it");
   command->add_option("--time-limit", options.time_limit, "wall seconds (default: none)");
   command->add_option("--iteration-limit", options.iteration_limit,
                       "iterations (default: the solver's own)");

@@ -215,8 +215,8 @@ int verify(const VerifyArguments& arguments) {
 }
 
 void add_verify_command(CLI::App& study, Invocation& invocation) {
-  auto* command = study.add_subcommand(
-      "verify", "Make the sets of a study again and certify every design in its rows");
+  auto* command =
+      study.add_subcommand("verify", "Make the sets of a study again and certify its designs");
   auto arguments = std::make_shared<VerifyArguments>();
   command->add_option("rows", arguments->rows, "rows.jsonl, or the folder with it")->required();
   command->add_flag("--json", arguments->json, "print one machine-readable line");
@@ -314,11 +314,9 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
   command->add_option("-o,--output", arguments->output, "folder of the results")
       ->capture_default_str();
   auto* quick = command->add_flag("--quick", arguments->quick, "about 2 minutes: low limits");
-  command->add_flag("--full", arguments->full, "everything to its end: 15 minutes to hours")
-      ->excludes(quick);
-  auto* resume = command->add_flag("--resume", options.resume, "go on with what the folder holds");
-  command->add_flag("--fresh", options.fresh, "delete the rows that the folder holds")
-      ->excludes(resume);
+  command->add_flag("--full", arguments->full, "to the end: 15 minutes to hours")->excludes(quick);
+  auto* resume = command->add_flag("--resume", options.resume, "go on with what is there");
+  command->add_flag("--fresh", options.fresh, "delete the rows that are there")->excludes(resume);
   command->add_option("--solvers", options.solvers, "back-ends, separated by commas (default: all)")
       ->delimiter(',');
   add_solver_labels(*command, *arguments);
@@ -337,10 +335,10 @@ void add_study_command(CLI::App& app, Invocation& invocation) {
                    "duality gap of the runs against Q, or on own sets")
       ->capture_default_str();
   command->add_option("--time-limit", arguments->time_limit,
-                      "wall seconds a run (default: 10, quick 2, full 1800)");
+                      "seconds a run (default: 10, quick 2, full 1800)");
   command
       ->add_option("--memory-limit", arguments->memory_limit,
-                   "resident memory a run, such as 4GB (default: 4GB, full 8GB)")
+                   "resident memory a run (default: 4GB, full 8GB)")
       ->transform(CLI::AsSizeValue(true));
   command->add_option("--threads", options.threads, "threads a run")->capture_default_str();
   command->add_option("--seed", options.seed, "of randomised solvers")->capture_default_str();

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <vector>
 
+#include "cli/arguments/option_groups.hpp"
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/arguments/time_limit_argument.hpp"
 #include "cli/commands/commands.hpp"
@@ -117,8 +118,8 @@ void add_plot_command(CLI::App& app, Invocation& invocation) {
   command->add_option("design", arguments->design, "design: graybox-design/1 JSON")->required();
   command->add_option("--set", arguments->set.path,
                       "its information set (default: the one that the design names)");
-  command->add_option("--variable", arguments->set.variable,
-                      "variable of a .mat file with several");
+  command->add_option("--variable", arguments->set.variable, "variable of a .mat file with several")
+      ->group(kReadingOptions);
   add_psd_tolerance(*command, arguments->set.psd_tolerance);
   add_factors_option(*command, arguments->set);
   command->add_option("-o,--output", arguments->folder,

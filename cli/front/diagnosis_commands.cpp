@@ -6,13 +6,13 @@ namespace graybox::cli {
 
 void add_diagnosis_commands(CLI::App& app, Invocation& invocation) {
   silence_ceres();
-  add_simulate_command(app, invocation);
+  add_model_command(app, invocation);
   add_recordings_command(app, invocation);
+  add_diagnose_command(app, invocation);
   add_responses_command(app, invocation);
+  add_simulate_command(app, invocation);
   add_fit_command(app, invocation);
   add_predict_command(app, invocation);
-  add_model_command(app, invocation);
-  add_diagnose_command(app, invocation);
   add_export_command(app, invocation);
   add_challenge_command(app, invocation);
   CLI::App& design = *app.get_subcommand("design");

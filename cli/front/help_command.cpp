@@ -1,5 +1,7 @@
-// `graybox help [command ...]`: what --help prints, the way that git and others have it, too.
+// `graybox help [command ...]`: what --help prints, the way that git and others have it, too; and
+// `graybox help TOPIC`.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <memory>
 #include <string>
@@ -7,6 +9,7 @@
 
 #include "cli/commands/commands.hpp"
 #include "cli/front/diagnosis_commands.hpp"
+#include "cli/front/help_topics.hpp"
 #include "problems/base/error.hpp"
 
 namespace graybox::cli {
@@ -33,15 +36,30 @@ const CLI::App& find_command(const CLI::App& app, const std::vector<std::string>
 void add_help_command(CLI::App& app, Invocation& invocation) {
   auto* command = app.add_subcommand("help", "Print the help of a command");
   auto words = std::make_shared<std::vector<std::string>>();
-  command->add_option("command", *words, "such as 'solve' or 'design robust' (default: all)");
-  command->footer("Examples:\n  graybox help\n  graybox help design robust");
+  command->add_option("command", *words,
+                      "such as 'solve' or 'design robust', or a topic (default: all)");
+  std::string footer = "Topics:\n";
+  for (const HelpTopic& topic : help_topics()) {
+    footer += fmt::format("  {:<16}{}\n", topic.name, topic.title);
+  }
+  command->footer(footer +
+                  "Examples:\n"
+                  "  graybox help\n"
+                  "  graybox help design robust\n"
+                  "  graybox help constraints");
   command->callback([&app, words, &invocation] {
+    invocation.exit_code = kDone;
+    if (words->size() == 1) {
+      if (const HelpTopic* topic = topic_named(words->front()); topic != nullptr) {
+        fmt::print("{}", topic_text(app, *topic));
+        return;
+      }
+    }
     const CLI::App& asked = find_command(app, *words);
     const std::string before =
         words->empty() ? std::string() : fmt::format("graybox {}", fmt::join(*words, " "));
     // Not asked.help(): CLI11 would print the help of the command that is being run.
     fmt::print("{}", asked.get_formatter()->make_help(&asked, before, CLI::AppFormatMode::Normal));
-    invocation.exit_code = kDone;
   });
 }
 

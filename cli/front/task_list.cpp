@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <string>
 #include <string_view>
 
 #include "cli/front/diagnosis_commands.hpp"
@@ -11,40 +14,72 @@ namespace {
 
 struct Task {
   const char* words;
-  const char* command;
+  const char* example;
+  std::array<std::string_view, 3> commands;  // those of the task; fewer are followed by empty ones
 };
 
 constexpr Task kTasks[] = {
     {.words = "Choose the experiments that teach most",
-     .command = "graybox solve set.npy -o design.json"},
-    {.words = "Round them to whole numbers", .command = "graybox exact set.npy --experiments 12"},
-    {.words = "Prove a design, whoever made it", .command = "graybox check set.npy design.json"},
+     .example = "graybox solve set.npy -o design.json",
+     .commands = {"solve", "design"}},
+    {.words = "Round them to whole numbers",
+     .example = "graybox exact set.npy --experiments 12",
+     .commands = {"exact"}},
+    {.words = "Prove a design, whoever made it",
+     .example = "graybox check set.npy design.json",
+     .commands = {"check", "plot"}},
     {.words = "Make information matrices of your own model",
-     .command = "graybox problem from-jacobians jacobians.csv --noise 0.1 -o set.h5"},
+     .example = "graybox problem from-jacobians jacobians.csv --noise 0.1 -o set.h5",
+     .commands = {"problem"}},
     {.words = "Begin with a log of your machine",
-     .command = "graybox model --one-mass log.csv -o axis"},
+     .example = "graybox model --one-mass log.csv -o axis",
+     .commands = {"model", "recordings"}},
     {.words = "Find the physics that a model lacks",
-     .command = "graybox diagnose axis/model.yaml axis/campaign.yaml -o report"},
+     .example = "graybox diagnose axis/model.yaml axis/campaign.yaml -o report",
+     .commands = {"diagnose", "responses", "simulate"}},
     {.words = "Estimate a model's parameters",
-     .command = "graybox fit axis/model.yaml axis/campaign.yaml"},
+     .example = "graybox fit axis/model.yaml axis/campaign.yaml",
+     .commands = {"fit", "predict"}},
     {.words = "Put what was found into a controller",
-     .command = "graybox export report/model_extended.yaml --to c -o feed_forward.c"},
+     .example = "graybox export report/model_extended.yaml --to c -o feed_forward.c",
+     .commands = {"export"}},
 };
 
-// "solve" of "graybox solve set.npy".
-std::string name_of(std::string_view command) {
-  command.remove_prefix(std::string_view("graybox ").size());
-  return std::string(command.substr(0, command.find(' ')));
+bool is_there(const Task& task) {
+  return reason_for_absence(std::string(task.commands.front())).empty();
+}
+
+std::string footer() {
+  std::string text =
+      "Exit codes: 0 done, 1 a numerical outcome short of what was asked, 2 bad input.\n"
+      "Examples:\n"
+      "  graybox problem robot -o set.h5\n"
+      "  graybox solve set.h5 --gap 1e-9 -o design.json\n"
+      "  graybox check set.h5 design.json";
+  if (reason_for_absence("diagnose").empty()) {
+    text += "\n  graybox diagnose axis/model.yaml axis/campaign.yaml -o report";
+  }
+  return text;
 }
 
 }  // namespace
+
+void group_by_task(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (command->get_group().empty()) continue;  // not for users
+    const auto* const task = std::ranges::find_if(kTasks, [&](const Task& each) {
+      return std::ranges::find(each.commands, command->get_name()) != each.commands.end();
+    });
+    command->group(task == std::end(kTasks) ? "Beside these" : task->words);
+  }
+  app.footer(footer());
+}
 
 std::string task_list() {
   std::string text =
       "graybox tells which experiments to run, and which physics a model leaves out.\n\n";
   for (const Task& task : kTasks) {
-    if (!reason_for_absence(name_of(task.command)).empty()) continue;
-    text += fmt::format("{}:\n  {}\n", task.words, task.command);
+    if (is_there(task)) text += fmt::format("{}:\n  {}\n", task.words, task.example);
   }
   return text +
          "\nAll commands: graybox --help. One command: graybox COMMAND --help. "

@@ -120,7 +120,7 @@ void add_jacobian_problem(
   command->add_option("-o,--output", arguments->output, "file to write: .h5, .npy, .csv or .mat")
       ->required();
   command->footer(
-      "linear    H = J' R^-1 J, J the derivatives of the outputs with respect to the parameters\n"
+      "linear    H = J' R^-1 J, J the derivatives of the outputs by the parameters\n"
       "logistic  rows are regressors x, y is 1 with probability 1 / (1 + exp(-x'theta))\n"
       "poisson   likewise, y a count of mean exp(x'theta)\n"
       "Examples:\n"

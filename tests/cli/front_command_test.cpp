@@ -41,6 +41,20 @@ std::vector<std::string> lines_after(const std::string& text, const std::string&
   return found;
 }
 
+// Whether a help text has the option, in full or in a line of names.
+bool states(const std::string& help, const std::string& option) {
+  return std::regex_search(help, std::regex("[\\s,]" + option + "[\\s,]"));
+}
+
+// Rows of a terminal that the text takes.
+std::size_t rows_of(const std::string& text, std::size_t columns) {
+  std::size_t rows = 0;
+  for (const std::string& line : lines_of(text)) {
+    rows += std::max<std::size_t>(1, (line.size() + columns - 1) / columns);
+  }
+  return rows;
+}
+
 class FrontDoor : public testing::CommandRunner {
  protected:
   // The commands below `path` ("design "), as its help lists them.
@@ -49,7 +63,10 @@ class FrontDoor : public testing::CommandRunner {
     bool is_list = false;
     for (const std::string& line : lines_of(graybox(path + "--help").out)) {
       if (line.empty()) is_list = false;
-      if (is_list) names.push_back(line.substr(2, line.find(' ', 2) - 2));
+      // Neither a task's name nor a description that goes on.
+      if (is_list && line.starts_with("  ") && line[2] != ' ') {
+        names.push_back(line.substr(2, line.find(' ', 2) - 2));
+      }
       if (line == "Subcommands:") is_list = true;
     }
     return names;
@@ -88,11 +105,11 @@ class FrontDoor : public testing::CommandRunner {
     }
   };
 
-  std::vector<StatedOption> options_of(const std::string& command) {
+  static std::vector<StatedOption> options_in(const std::string& text) {
     std::vector<StatedOption> options;
     bool is_positional = false;
     const std::regex head(R"(  (?:-\w,)?(-?-?[\w-]+)( [^ ].*?)?(?:  +(.*))?)");
-    for (const std::string& line : lines_of(graybox(command + " --help").out)) {
+    for (const std::string& line : lines_of(text)) {
       if (line.empty()) is_positional = false;
       if (line == "Positionals:") is_positional = true;
       std::smatch parts;
@@ -113,6 +130,20 @@ class FrontDoor : public testing::CommandRunner {
       }
     }
     std::erase_if(options, [](const StatedOption& each) { return each.name.empty(); });
+    return options;
+  }
+
+  // With those that the help names in a line, from their topics.
+  std::vector<StatedOption> options_of(const std::string& command) {
+    const std::string text = graybox(command + " --help").out;
+    std::vector<StatedOption> options = options_in(text);
+    const std::regex pointer(R"(\(in full: graybox (help \w+)\):\n)");
+    for (std::sregex_iterator at(text.begin(), text.end(), pointer), end; at != end; ++at) {
+      const std::string names = at->suffix().str().substr(0, at->suffix().str().find("\n\n"));
+      for (const StatedOption& each : options_in(graybox((*at)[1]).out)) {
+        if (states(names, each.name)) options.push_back(each);
+      }
+    }
     return options;
   }
 
@@ -161,11 +192,11 @@ TEST_F(FrontDoor, AloneItPrintsTheTasksWithACommandEach) {
 TEST_F(FrontDoor, EveryHelpFitsAScreenAndHasAnExampleOfItsOwn) {
   const std::vector<std::string> commands = all_commands();
   EXPECT_GT(commands.size(), 35U);
-  EXPECT_LE(lines_of(graybox("--help").out).size(), 40U);
+  EXPECT_LE(rows_of(graybox("--help", "COLUMNS=80").out, 80), 50U);
   for (const std::string& command : commands) {
-    const Outcome outcome = graybox(command + " --help");
+    const Outcome outcome = graybox(command + " --help", "COLUMNS=80");
     EXPECT_EQ(outcome.exit_code, 0) << command;
-    EXPECT_LE(lines_of(outcome.out).size(), 50U) << command;
+    EXPECT_LE(rows_of(outcome.out, 80), 50U) << command << ":\n" << outcome.out;
     const std::vector<std::string> examples = lines_after(outcome.out, "  graybox ");
     const auto is_own = [&](const std::string& example) { return example.starts_with(command); };
     EXPECT_TRUE(std::ranges::any_of(examples, is_own)) << command << ":\n" << outcome.out;
@@ -176,13 +207,59 @@ TEST_F(FrontDoor, EveryHelpFitsAScreenAndHasAnExampleOfItsOwn) {
         const std::string option = word.substr(0, word.find('='));
         if (!option.starts_with("--") || example.substr(command.size()).find("  (") == 0) continue;
         const bool is_group = outcome.out.find("Subcommands:") != std::string::npos;
-        EXPECT_TRUE(is_group || outcome.out.find("  " + option + ' ') != std::string::npos ||
-                    outcome.out.find("," + option + ' ') != std::string::npos ||
-                    outcome.out.find("  " + option + '\n') != std::string::npos)
+        const std::string described = outcome.out.substr(0, outcome.out.find("\nExample"));
+        EXPECT_TRUE(is_group || states(described, option))
             << command << " has no option " << option << " of its example";
       }
     }
   }
+}
+
+// Beside the examples, which are there to be copied.
+TEST_F(FrontDoor, HelpIsFoldedToTheTerminal) {
+  const auto longest = [&](const std::string& command, const std::string& columns) {
+    std::size_t size = 0;
+    for (const std::string& line : lines_of(graybox(command, columns).out)) {
+      if (line.starts_with("  graybox ") || line.starts_with("  scripts/")) continue;
+      size = std::max(size, line.size());
+    }
+    return size;
+  };
+  std::vector<std::string> texts{"help", "help constraints", "help criteria"};
+  for (const std::string& command : all_commands()) texts.push_back(command + " --help");
+  for (const std::string& text : texts) {
+    EXPECT_LE(longest(text, "COLUMNS=80"), 80U) << text;
+    EXPECT_LE(longest(text, "COLUMNS=500"), 100U) << text;
+  }
+  EXPECT_GT(longest("solve --help", "COLUMNS=500"), 80U);
+  // A file is no terminal.
+  EXPECT_EQ(graybox("solve --help", "env -u COLUMNS").out,
+            graybox("solve --help", "COLUMNS=80").out);
+}
+
+TEST_F(FrontDoor, TheHelpOfAllCommandsIsOrderedByTask) {
+  const std::string help = graybox("--help").out;
+  for (const std::string& task : lines_of(graybox("").out)) {
+    if (!task.ends_with(':')) continue;
+    EXPECT_NE(help.find("\n " + task + "\n"), std::string::npos) << task;
+  }
+  EXPECT_NE(help.find("\n  graybox diagnose "), std::string::npos);
+}
+
+TEST_F(FrontDoor, TopicsTellSharedOptionsInFull) {
+  std::size_t named = 0;
+  for (const std::string topic : {"constraints", "criteria"}) {
+    const Outcome outcome = graybox("help " + topic, "COLUMNS=80");
+    EXPECT_EQ(outcome.exit_code, 0);
+    EXPECT_LE(rows_of(outcome.out, 80), 50U) << outcome.out;
+    EXPECT_NE(graybox("help help").out.find("\n  " + topic + ' '), std::string::npos);
+    for (const StatedOption& option : options_in(outcome.out)) {
+      ++named;
+      EXPECT_FALSE(option.description.empty()) << option.name;
+      EXPECT_TRUE(states(graybox("solve --help").out, option.name)) << option.name;
+    }
+  }
+  EXPECT_GT(named, 15U);
 }
 
 TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
@@ -191,7 +268,7 @@ TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
   ASSERT_EQ(script.exit_code, 0);
   write_text(folder_.file("graybox.bash"), script.out);
   write_text(folder_.file("set.h5"), "");
-  EXPECT_EQ(completed("graybox so"), (Replies{"solvers", "solve"}));
+  EXPECT_EQ(completed("graybox so"), (Replies{"solve", "solvers"}));
   EXPECT_EQ(completed("graybox design ro"), Replies{"robust"});
   EXPECT_EQ(completed("graybox help design ro"), Replies{"robust"});
   EXPECT_EQ(completed("graybox solve --cri"), Replies{"--criterion"});
@@ -341,7 +418,9 @@ TEST_F(FrontDoor, NoTwoOutputsAreOneFile) {
           const std::string line =
               with_what_it_needs(command, first.name + " " + a + " " + second.name + " " + b);
           expect_refused(line, "both write to it");
-          expect_refused(line, first.name + " and " + second.name);
+          const std::string named = graybox(line).err;  // in either order
+          EXPECT_NE(named.find(first.name), std::string::npos) << named;
+          EXPECT_NE(named.find(second.name), std::string::npos) << named;
         }
       }
     }
