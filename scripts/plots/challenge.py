@@ -73,7 +73,8 @@ def rates(axes, rows, target):
     for position, row in zip(x, rows):
         axes.text(position, 41.5, f"n = {row['cases']}", ha="center", fontsize=7, color=GREY)
     axes.axhline(target, color=GREY, lw=0.8, ls="--")
-    axes.text(1.03, target + 0.8, f"target {target} %", ha="left", fontsize=7, color=GREY)
+    axes.text(1.01, target, f"target\n{target} %", transform=axes.get_yaxis_transform(), ha="left", va="center",
+              fontsize=7, color=GREY)
     axes.set_xscale("log")
     axes.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     axes.minorticks_off()

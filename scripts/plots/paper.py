@@ -204,7 +204,7 @@ def draw_arm(axes, places, width, project):
     line = [project(place) for place in places]
     axes.plot(*zip(*line), color=BLUE, lw=width, solid_capstyle="round", zorder=2)
     axes.plot(*zip(*line[:-1]), ls="", marker="o", color=BLACK, ms=2.2, zorder=3)
-    axes.plot(*zip(line[-1]), ls="", marker="o", mfc="white", mec=VERMILION, mew=1.4, ms=6, zorder=4)
+    axes.plot(*zip(line[-1]), ls="", marker="o", mfc="white", mec=VERMILION, mew=1.4, ms=6, zorder=4, clip_on=False)
 
 
 def side_panels(figure, grid, poses):
@@ -236,13 +236,37 @@ def scale_bar(axes, x, y, length=1.0):
     axes.text(x + length / 2, y - 0.08, f"{length:g} m", ha="center", va="top", fontsize=7)
 
 
+def distance(places, points):
+    """From each place to the nearest of the points."""
+    return np.hypot(*(np.asarray(points)[:, None] - places).transpose(2, 0, 1)).min(axis=0)
+
+
+def places_of_numbers(arms, away=0.14, directions=24):
+    """A place beside each arm's payload for its number, off all arms and away from the other numbers."""
+    along = np.linspace(0, 1, 40)[:, None]
+    drawn = np.vstack([start + along * (end - start) for arm in arms for start, end in zip(arm, arm[1:])])
+    taken, places = [arm[-1] for arm in arms], []
+    for k, arm in enumerate(arms):
+        angles = 2 * math.pi * np.arange(directions) / directions
+        around = arm[-1] + away * np.column_stack([np.cos(angles), np.sin(angles)])
+        others = [place for j, place in enumerate(taken) if j != k]
+        room = np.minimum(distance(around, drawn) / 0.1, 1) + np.minimum(distance(around, others) / 0.2, 1)
+        places.append(around[int(np.argmax(np.round(room, 9)))])
+        taken.append(places[-1])
+    return places
+
+
 def top_panel(axes, poses):
     """All payloads and arms from above: how the positions turn about the first axis."""
-    for k, (weight, places) in enumerate(poses):
+    for weight, places in poses:
         line = places[:, :2]
         axes.plot(*line.T, color=BLUE, lw=0.8 + 14 * weight, alpha=0.55, solid_capstyle="round", zorder=2)
-        axes.plot(*line[-1], ls="", marker="o", mfc="white", mec=VERMILION, mew=1.2, ms=10, zorder=4)
-        axes.text(*line[-1], str(k + 1), ha="center", va="center", fontsize=6, zorder=5)
+        axes.plot(*line[-1], ls="", marker="o", mfc="white", mec=VERMILION, mew=1.2, ms=6, zorder=4)
+    arms = [places[:, :2] for _, places in poses]
+    for k, (arm, place) in enumerate(zip(arms, places_of_numbers(arms))):
+        axes.plot(*zip(arm[-1], place), color=GREY, lw=0.6, zorder=3)
+        axes.text(*place, str(k + 1), ha="center", va="center", fontsize=7, zorder=5,
+                  bbox={"fc": "white", "ec": "none", "pad": 0.5})
     axes.plot(0, 0, "+", color=BLACK, ms=10, zorder=3)
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")
@@ -256,7 +280,7 @@ def figure_5(folder):
         return
     poses = poses_of(rows)
     figure = plt.figure(figsize=(11.5, 5.2))
-    grid = figure.add_gridspec(1, 2, width_ratios=(1.35, 1), wspace=0.1)
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.35, 1), wspace=0.14)
     side_panels(figure, grid[0], poses)
     top_panel(figure.add_subplot(grid[1]), poses)
     figure.suptitle(f"Figure 5: the {len(poses)} optimal positions, with their share of the experiments",

@@ -142,8 +142,8 @@ def cost(folder):
     note(figure, ASSUMED, y=-0.06, x=0.08)
     half = [row for row in rows if float(row["largest_share"]) == 0.5 and float(row["of_positions"]) == 0.01]
     if half:
-        axes.set_title("With at most half of the experiments in 1 % of the positions the covariance is\n"
-                       f"{100 * (float(half[0]['covariance']) - 1):.0f} % larger", pad=10)
+        axes.set_title("With at most half of the experiments in 1 % of the positions\n"
+                       f"the covariance is {100 * (float(half[0]['covariance']) - 1):.0f} % larger", pad=10)
     save(folder, figure, "concentration_cost")
 
 

@@ -450,6 +450,7 @@ def passes_per_family(study):
             side.set_visible(False)
     bar = figure.colorbar(image, ax=all_axes, pad=0.01, fraction=0.02)
     bar.ax.tick_params(labelsize=7)
+    bar.set_label("passes over the set", fontsize=8)
     largest = max(int(row["candidates"]) for row in study.points_of("families"))
     figure.suptitle("Column generation reads the set fewer than five times, whatever the family and the gap"
                     if is_least(value, solvers, families) else "Passes over the set that each method needs",
