@@ -195,6 +195,19 @@ class PageWithTraces(Page):
         for before, after in zip(whole, self.ranges()):
             self.assertAlmostEqual(before[1] - before[0], after[1] - after[0], delta=0.02 * (before[1] - before[0]))
 
+    def test_ticks_are_told_apart(self):
+        def labels():
+            return self.ask("""['x', 'y'].map(axis => [...document.querySelectorAll('.plot')].map(plot =>
+                [...plot.querySelectorAll('.dygraph-axis-label-' + axis)].map(each => each.textContent)))""")
+        for width in (360, 1000):
+            self.open(width)
+            for plot in labels()[1]:
+                self.assertGreaterEqual(len(plot), 2, (width, plot))
+            for _ in range(7):
+                for plot in sum(labels(), []):
+                    self.assertEqual(len(set(plot)), len(plot), (width, plot))
+                self.browser.find_element(By.CSS_SELECTOR, "[data-do=in]").click()
+
     def test_dragging_zooms_and_cursors_are_linked(self):
         plot = self.browser.find_elements(By.CSS_SELECTOR, ".plot canvas")[-1].find_element(By.XPATH, "..")
         self.ask("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)

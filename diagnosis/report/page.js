@@ -18,6 +18,11 @@
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const number = (value) => value === null || value === undefined || Number.isNaN(value)
     ? '–' : Number(value.toPrecision(5)).toString();
+  // At a tick, which is a round number: dygraphs writes 0.015 and 0.02 alike.
+  const tick = (value) => {
+    const round = Number(value.toPrecision(7)), size = Math.abs(round);
+    return (size > 0 && size < 1e-3) || size >= 1e5 ? round.toExponential().replace('e+', 'e') : round.toString();
+  };
   const seconds = (value) => Number(value.toPrecision(4)).toString();
   const element = (tag, className, text) => {
     const made = document.createElement(tag);
@@ -64,7 +69,8 @@
     const chart = new Dygraph(plot, rows, Object.assign({
       labels: ['time'].concat(names), series: series, ylabel: unit, xlabel: time_label, legend: 'never',
       labelsDiv: element('div'), connectSeparatedPoints: false, drawPoints: false, highlightCircleSize: 3,
-      axes: {y: {axisLabelWidth: 54, valueFormatter: number}, x: {valueFormatter: number}},
+      axes: {y: {axisLabelWidth: 54, pixelsPerLabel: 22, valueFormatter: number, axisLabelFormatter: tick},
+        x: {pixelsPerLabel: 56, valueFormatter: number, axisLabelFormatter: tick}},
       rightGap: 8,
       highlightCallback: (event, x) => point_at(x),
       unhighlightCallback: () => shown.forEach((other) => { other.legendOf(null); other.clearSelection(); }),

@@ -14,9 +14,14 @@ constexpr double kWidth = 480, kHeight = 310;
 constexpr double kLeft = 70, kRight = 14, kTop = 64, kBottom = 44;
 constexpr double kLetter = 6.6;  // width of one, on average
 
+// "2e-5" and "1.2e5", not "2e-05" and "1.2e+05".
 std::string label_of(double value) {
   if (value == 0.0) return "0";
-  return fmt::format("{:.4g}", value);
+  std::string text = fmt::format("{:.4g}", value);
+  const std::size_t power = text.find('e');
+  if (power == std::string::npos) return text;
+  const std::size_t digits = text.find_first_not_of("+-0", power + 1);
+  return text.substr(0, power + 1) + (text[power + 1] == '-' ? "-" : "") + text.substr(digits);
 }
 
 std::string opening(double width, double height, const std::string& says, const char* kind = "") {
