@@ -57,7 +57,7 @@ void add_help_command(CLI::App& app, Invocation& invocation) {
     }
     const CLI::App& asked = find_command(app, *words);
     const std::string before =
-        words->empty() ? std::string() : fmt::format("graybox {}", fmt::join(*words, " "));
+        fmt::format("graybox{}{}", words->empty() ? "" : " ", fmt::join(*words, " "));
     // Not asked.help(): CLI11 would print the help of the command that is being run.
     fmt::print("{}", asked.get_formatter()->make_help(&asked, before, CLI::AppFormatMode::Normal));
   });

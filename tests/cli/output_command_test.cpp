@@ -394,6 +394,7 @@ TEST_F(OutputCommand, HelpPrintsTheHelpOfACommand) {
   const Outcome all = graybox("help");
   EXPECT_EQ(all.exit_code, 0);
   EXPECT_NE(all.out.find("diagnose"), std::string::npos);
+  EXPECT_EQ(all.out, graybox("--help").out);
   for (const std::string command : {"solve", "design robust"}) {
     const Outcome help = graybox("help " + command), option = graybox(command + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
