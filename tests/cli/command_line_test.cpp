@@ -220,8 +220,7 @@ TEST_F(CommandLine, CtrlCKeepsTheBestDesign) {
 
 TEST_F(CommandLine, WrongUsageIsOneLine) {
   expect_refused("problem", "subcommand");
-  expect_refused("frobnicate",
-                 "unknown command 'frobnicate'; choose one of solve, design, exact");
+  expect_refused("frobnicate", "unknown command 'frobnicate'; choose one of solve, design, exact");
   expect_refused("problem nonsense -o x.h5", "unknown command 'nonsense'");
   expect_refused("solve", "set is required; see graybox solve --help");
   expect_refused("solve set.h5 --frobnicate", "--frobnicate");
