@@ -79,6 +79,15 @@ Eigen::VectorXd signs_of(const Eigen::VectorXd& velocity) {
   return velocity.unaryExpr([still](double v) { return std::clamp(v / still, -1.0, 1.0); });
 }
 
+// Which side of its play a coupling lies on, -1 to 1: what lies within a tenth of the rms twist is
+// between. A spring behind a play p pulls with k (twist - p/2 side).
+Eigen::VectorXd sides_of(const Eigen::VectorXd& twist) {
+  constexpr double kBetween = 0.1;
+  const double between = kBetween * twist.norm() / std::sqrt(static_cast<double>(twist.size()));
+  if (!(between > 0.0)) return Eigen::VectorXd::Zero(twist.size());
+  return twist.unaryExpr([between](double x) { return std::clamp(x / between, -1.0, 1.0); });
+}
+
 struct LeastSquares {
   Eigen::VectorXd values;
   Eigen::VectorXd errors;  // if rows were independent
@@ -102,6 +111,77 @@ LeastSquares solve(const Eigen::MatrixXd& columns, const Eigen::VectorXd& right)
   const Eigen::VectorXd variances =
       normal.completeOrthogonalDecomposition().pseudoInverse().diagonal();
   return {values.cwiseQuotient(scales), (spread * variances.cwiseSqrt()).cwiseQuotient(scales)};
+}
+
+// The sums over windows that both equations of motion hold.
+class TwoMassSums {
+ public:
+  TwoMassSums(const Windows& windows, const Eigen::VectorXd& force, const Eigen::VectorXd& motor,
+              const Eigen::VectorXd& load)
+      : force_(windows.summed(force)),
+        motor_(windows.accelerated(motor)),
+        load_(windows.accelerated(load)) {
+    const Eigen::VectorXd motor_speed = windows.velocity(motor),
+                          load_speed = windows.velocity(load);
+    Eigen::VectorXd twist = windows.position(motor) - windows.position(load);
+    twist.array() -= twist.mean();  // the sensors' zeros differ
+    const Eigen::Index n = force_.size();
+    spring_.resize(n, 2);
+    spring_ << windows.summed(twist), windows.summed(motor_speed - load_speed);
+    play_ = windows.summed(sides_of(twist));
+    motor_friction_ = friction(windows, motor_speed);
+    load_friction_ = friction(windows, load_speed);
+  }
+
+  // The motor's equation, and the sum of both, in which spring and play cancel. The force stands on
+  // both right sides, so that no small load and spring fit the second one.
+  [[nodiscard]] TwoMassStart of_motor_and_sum() const {
+    const Eigen::Index n = force_.size();
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(n), ones = Eigen::VectorXd::Ones(n);
+    const Eigen::MatrixXd nothing = Eigen::MatrixXd::Zero(n, 3);
+    Eigen::MatrixXd columns(2 * n, 11);
+    columns.topRows(n) << motor_, none, spring_, play_, motor_friction_, ones, nothing;
+    columns.bottomRows(n) << motor_, load_, nothing, motor_friction_, none, load_friction_, ones;
+    Eigen::VectorXd right(2 * n);
+    right << force_, force_;
+    return start_of(columns, right);
+  }
+
+  // Each equation by itself: nothing stands on the right of the load's.
+  [[nodiscard]] TwoMassStart of_motor_and_load() const {
+    const Eigen::Index n = force_.size();
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(n), ones = Eigen::VectorXd::Ones(n);
+    const Eigen::MatrixXd nothing = Eigen::MatrixXd::Zero(n, 3);
+    Eigen::MatrixXd columns(2 * n, 10);
+    columns.topRows(n) << motor_, none, spring_, motor_friction_, ones, nothing;
+    columns.bottomRows(n) << none, load_, -spring_, nothing, load_friction_, ones;
+    Eigen::VectorXd right(2 * n);
+    right << force_, none;
+    return start_of(columns, right);
+  }
+
+ private:
+  [[nodiscard]] static TwoMassStart start_of(const Eigen::MatrixXd& columns,
+                                             const Eigen::VectorXd& right) {
+    const Eigen::VectorXd values = solve(columns, right).values;
+    return {values(0), values(1), values(2), values(3)};
+  }
+
+  // Viscous and dry.
+  [[nodiscard]] static Eigen::MatrixXd friction(const Windows& windows,
+                                                const Eigen::VectorXd& speed) {
+    const Eigen::VectorXd viscous = windows.summed(speed);
+    Eigen::MatrixXd columns(viscous.size(), 2);
+    columns << viscous, windows.summed(signs_of(speed));
+    return columns;
+  }
+
+  Eigen::VectorXd force_, motor_, load_, play_;
+  Eigen::MatrixXd spring_, motor_friction_, load_friction_;  // stiffness, damping; viscous, dry
+};
+
+bool is_positive(const TwoMassStart& start) {
+  return start.motor > 0.0 && start.load > 0.0 && start.stiffness > 0.0;
 }
 
 struct Spectra {
@@ -164,28 +244,13 @@ std::optional<TwoMassStart> start_two_masses(const Eigen::VectorXd& force,
                                              const Eigen::VectorXd& motor,
                                              const Eigen::VectorXd& load, bool are_velocities,
                                              double sample_time) {
-  Windows windows = windows_for({motor, load}, are_velocities, sample_time);
-  const Eigen::VectorXd v_motor = windows.velocity(motor), v_load = windows.velocity(load);
-  const Eigen::VectorXd twist = windows.position(motor) - windows.position(load);
-  const Eigen::VectorXd rate = v_motor - v_load;
-  const auto friction = [&](const Eigen::VectorXd& v) { return windows.summed(signs_of(v)); };
-  const Eigen::VectorXd right = windows.summed(force);
-  const Eigen::Index n = right.size();
-  // Both equations of motion in one: motor, load, spring, damper, and friction of each.
-  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(2 * n, 10);
-  columns.topRows(n) << windows.accelerated(motor), Eigen::VectorXd::Zero(n), windows.summed(twist),
-      windows.summed(rate), windows.summed(v_motor), friction(v_motor), Eigen::VectorXd::Ones(n),
-      Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n);
-  columns.bottomRows(n) << Eigen::VectorXd::Zero(n), windows.accelerated(load),
-      -windows.summed(twist), -windows.summed(rate), Eigen::VectorXd::Zero(n),
-      Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n), windows.summed(v_load), friction(v_load),
-      Eigen::VectorXd::Ones(n);
-  Eigen::VectorXd both = Eigen::VectorXd::Zero(2 * n);
-  both.head(n) = right;
-  const LeastSquares fit = solve(columns, both);
-  const TwoMassStart start{fit.values(0), fit.values(1), fit.values(2), fit.values(3)};
-  if (!(start.motor > 0.0 && start.load > 0.0 && start.stiffness > 0.0)) return {};
-  return start;
+  const Windows windows = windows_for({motor, load}, are_velocities, sample_time);
+  const TwoMassSums sums(windows, force, motor, load);
+  const TwoMassStart by_sum = sums.of_motor_and_sum();
+  if (is_positive(by_sum)) return by_sum;
+  const TwoMassStart by_each = sums.of_motor_and_load();
+  if (!is_positive(by_each)) return {};
+  return by_each;
 }
 
 std::optional<TwoMassStart> start_one_encoder(const Eigen::VectorXd& force,

@@ -5,6 +5,9 @@
 //
 // and with a velocity v, J [v(t+W) - v(t-W)] = sum of force - friction over both windows. Columns
 // for viscous and dry friction and a constant stand beside, so that the mass is not taken for them.
+// Of two masses the motor's equation and the sum of both are solved together. The load's equation
+// by itself has nothing on its right side: noise of the twist, or play, then shrinks load and
+// spring together. A column for the side of the play stands beside the spring.
 // SI units, or those of the force. Values are starts: the diagnosis fits them.
 #pragma once
 
@@ -18,8 +21,8 @@ struct TwoMassStart {
   double stiffness = 0.0, damping = 0.0;  // between them
 };
 
-// Two masses whose positions (or velocities) are both measured; the force acts on the first. The
-// spring comes from how the second mass follows the difference. None where a value is not positive.
+// Two masses whose positions (or velocities) are both measured; the force acts on the first. Where
+// a value is not positive, each equation by itself is tried. None where one is not positive then.
 [[nodiscard]] std::optional<TwoMassStart> start_two_masses(const Eigen::VectorXd& force,
                                                            const Eigen::VectorXd& motor,
                                                            const Eigen::VectorXd& load,

@@ -448,5 +448,70 @@ TEST(StartValues, AnInertiaBesideFriction) {
   EXPECT_GT(follows_at_once(force, position, false), 0.5);
 }
 
+struct TwoMassRun {
+  Eigen::VectorXd force, motor, load;
+};
+
+constexpr TwoMassStart kTwoMasses{2e-3, 6e-3, 60.0, 0.05};
+
+// Two masses of which the first has dry friction, with a spring behind a play, in small steps. The
+// encoders' zeros differ.
+TwoMassRun run_two_masses(double play, double stiffness, double counts_per_turn) {
+  constexpr double kStep = 1e-4, kZero = 0.4;
+  constexpr int kSamples = 12000, kOver = 10;
+  const double count = 2.0 * std::numbers::pi / counts_per_turn;
+  TwoMassRun run{Eigen::VectorXd(kSamples), Eigen::VectorXd(kSamples), Eigen::VectorXd(kSamples)};
+  double motor = 0.0, motor_speed = 0.0, load = 0.0, load_speed = 0.0;
+  for (int k = 0; k < kSamples * kOver; ++k) {
+    const double turn = 2.0 * std::numbers::pi * kStep * k, twist = motor - load;
+    const double force =
+        0.6 * std::sin(0.7 * turn) + 0.4 * std::sin(2.3 * turn + 0.4) + 0.3 * std::sin(5.1 * turn);
+    const double stretched = std::copysign(std::max(0.0, std::abs(twist) - 0.5 * play), twist);
+    const bool touches = stretched != 0.0 || play == 0.0;
+    const double coupling =
+        stiffness * stretched + (touches ? kTwoMasses.damping * (motor_speed - load_speed) : 0.0);
+    const double friction = 0.004 * motor_speed + 0.05 * std::tanh(motor_speed / 0.05);
+    motor_speed += kStep * (force - coupling - friction) / kTwoMasses.motor;
+    load_speed += kStep * (coupling - 0.01 * load_speed) / kTwoMasses.load;
+    motor += kStep * motor_speed;
+    load += kStep * load_speed;
+    if (k % kOver != 0) continue;
+    run.force(k / kOver) = force;
+    run.motor(k / kOver) = count * std::round(motor / count);
+    run.load(k / kOver) = count * std::round(load / count) + kZero;
+  }
+  return run;
+}
+
+// `within`: a factor.
+void expect_two_masses(const TwoMassRun& run, double stiffness, double within) {
+  const auto start = start_two_masses(run.force, run.motor, run.load, false, 1e-3);
+  ASSERT_TRUE(start.has_value());
+  const double most = std::log(within);
+  EXPECT_NEAR(std::log(start->motor / kTwoMasses.motor), 0.0, most) << start->motor;
+  EXPECT_NEAR(std::log(start->load / kTwoMasses.load), 0.0, most) << start->load;
+  EXPECT_NEAR(std::log(start->stiffness / stiffness), 0.0, most) << start->stiffness;
+}
+
+TEST(StartValues, TwoMassesWithoutPlay) {
+  expect_two_masses(run_two_masses(0.0, 60.0, 20000.0), 60.0, 1.1);
+  expect_two_masses(run_two_masses(0.0, 8.0, 20000.0), 8.0, 1.1);
+}
+
+// Half the play is more than a third of the largest twist: spring and load keep their sizes.
+TEST(StartValues, TwoMassesWithPlay) {
+  expect_two_masses(run_two_masses(0.02, 60.0, 20000.0), 60.0, 1.3);
+}
+
+// A count is half the rms twist of the stiff spring: its rounding must not take all of that spring.
+TEST(StartValues, TwoMassesByCoarseEncoders) {
+  expect_two_masses(run_two_masses(0.0, 8.0, 2000.0), 8.0, 1.1);
+  const TwoMassRun run = run_two_masses(0.0, 60.0, 2000.0);
+  expect_two_masses(run, 60.0, 1.8);
+  const auto start = start_two_masses(run.force, run.motor, run.load, false, 1e-3);
+  ASSERT_TRUE(start.has_value());
+  EXPECT_GT(start->stiffness, 40.0);
+}
+
 }  // namespace
 }  // namespace graybox
