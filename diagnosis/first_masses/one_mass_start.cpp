@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -48,10 +49,9 @@ VectorXd without_spikes(VectorXd signal) {
   return signal;
 }
 
-OneMassLog shortened(const OneMassLog& log) {
+OneMassLog shortened(const OneMassLog& log, Index over) {
   OneMassLog result = log;
   result.motion = without_spikes(log.motion);
-  const Index over = (log.motion.size() + kMostSamples - 1) / kMostSamples;
   if (over < 2) return result;
   result.force = averaged(log.force, over);
   result.motion = averaged(result.motion, over);
@@ -104,13 +104,28 @@ VectorXd direction_of(const OneMassLog& log) {
   return (rate / still).cwiseMax(-1.0).cwiseMin(1.0);
 }
 
+// What all logs of one mass have in common.
+struct CommonMotion {
+  bool swings = false;  // through more than a large angle, so that a weight turns
+  double mean = 0.0;    // of the place
+
+  explicit CommonMotion(const std::vector<OneMassLog>& logs) {
+    constexpr double kLargeAngle = 1.0;  // rad
+    double sum = 0.0, count = 0.0;
+    for (const OneMassLog& log : logs) {
+      const double span = log.motion.maxCoeff() - log.motion.minCoeff();
+      swings = swings || (!log.is_velocity && log.is_rotary && span > kLargeAngle);
+      sum += log.motion.sum();
+      count += static_cast<double>(log.motion.size());
+    }
+    mean = sum / count;
+  }
+};
+
 // The forces: drive, constant, dry friction, weight or spring. Those of a list come first.
-MatrixXd forces_of(const OneMassLog& log) {
+MatrixXd forces_of(const OneMassLog& log, const CommonMotion& common) {
   const Index n = log.motion.size();
-  const bool has_place = !log.is_velocity;
-  constexpr double kLargeAngle = 1.0;  // rad
-  const double span = log.motion.maxCoeff() - log.motion.minCoeff();
-  const bool swings = has_place && log.is_rotary && span > kLargeAngle;
+  const bool has_place = !log.is_velocity, swings = common.swings;
   MatrixXd forces(n, 3 + (swings ? 2 : has_place ? 1 : 0));
   forces.col(0) = log.force;
   forces.col(1).setOnes();
@@ -119,7 +134,7 @@ MatrixXd forces_of(const OneMassLog& log) {
     forces.col(3) = log.motion.array().sin();
     forces.col(4) = log.motion.array().cos();
   } else if (has_place) {
-    forces.col(3) = log.motion.array() - log.motion.mean();
+    forces.col(3) = log.motion.array() - common.mean;
   }
   return forces;
 }
@@ -247,9 +262,18 @@ VectorXd delayed(const VectorXd& signal, Index by) {
   return result;
 }
 
+// One log, or several of the same mass: forces act alike in all, and each segment has a start of
+// its own. Segments do not go beyond a log; a log that is shorter than they is one segment.
 class OneMassSearch {
  public:
-  OneMassSearch(const OneMassLog& log, MatrixXd forces) : log_(log), forces_(std::move(forces)) {}
+  // `forces`: of each log.
+  OneMassSearch(const std::vector<OneMassLog>& logs, std::vector<MatrixXd> forces)
+      : logs_(logs), forces_(std::move(forces)) {
+    for (const OneMassLog& log : logs_) {
+      samples_ += log.motion.size();
+      longest_ = std::max(longest_, log.motion.size());
+    }
+  }
 
   OneMassStart run() {
     MassCandidate chosen = chosen_candidate();
@@ -259,22 +283,37 @@ class OneMassSearch {
   }
 
  private:
+  [[nodiscard]] Index force_count() const { return forces_.front().cols(); }
+  [[nodiscard]] bool is_velocity() const { return logs_.front().is_velocity; }
+  [[nodiscard]] double sample_time() const { return logs_.front().sample_time; }
+
+  // What forces make of the motion at a pole, and the motion, without starts: of each segment.
+  [[nodiscard]] std::vector<MatrixXd> segments_at(double pole, Index length, Index delay) const {
+    std::vector<MatrixXd> segments;
+    for (std::size_t k = 0; k < logs_.size(); ++k) {
+      const MatrixXd& forces = forces_[k];
+      const Index n = forces.rows(), own = std::min(length, n);
+      const FreeResponse response(pole, sample_time(), is_velocity(), own);
+      MatrixXd columns(n, forces.cols() + 1);
+      for (Index f = 0; f < forces.cols(); ++f) columns.col(f) = response.of(forces.col(f));
+      if (delay > 0) columns.col(0) = response.of(delayed(forces.col(0), std::min(delay, n)));
+      columns.rightCols(1) = logs_[k].motion;
+      for (Index first = 0; first + own <= n; first += own) {
+        segments.push_back(response.without_start(columns.middleRows(first, own)));
+      }
+    }
+    return segments;
+  }
+
   [[nodiscard]] std::vector<GroupProducts> products_for(Index length, Index delay = 0) const {
-    const Index segments = log_.motion.size() / length;
-    const Index groups = std::min<Index>(kGroups, segments);
     std::vector<GroupProducts> all;
-    for (const double pole : poles_for(length, log_.sample_time)) {
-      const FreeResponse response(pole, log_.sample_time, log_.is_velocity, length);
-      MatrixXd columns(log_.motion.size(), forces_.cols() + 1);
-      for (Index k = 0; k < forces_.cols(); ++k) columns.col(k) = response.of(forces_.col(k));
-      if (delay > 0) columns.col(0) = response.of(delayed(forces_.col(0), delay));
-      columns.rightCols(1) = log_.motion;
-      GroupProducts each{pole,
-                         std::vector<MatrixXd>(static_cast<std::size_t>(groups),
-                                               MatrixXd::Zero(columns.cols(), columns.cols()))};
-      for (Index s = 0; s < segments; ++s) {
-        const MatrixXd rest = response.without_start(columns.middleRows(s * length, length));
-        each.groups[static_cast<std::size_t>(s * groups / segments)] += rest.transpose() * rest;
+    for (const double pole : poles_for(length, sample_time())) {
+      const std::vector<MatrixXd> segments = segments_at(pole, length, delay);
+      const std::size_t groups = std::min<std::size_t>(kGroups, segments.size());
+      const Index columns = force_count() + 1;
+      GroupProducts each{pole, std::vector<MatrixXd>(groups, MatrixXd::Zero(columns, columns))};
+      for (std::size_t s = 0; s < segments.size(); ++s) {
+        each.groups[s * groups / segments.size()] += segments[s].transpose() * segments[s];
       }
       all.push_back(std::move(each));
     }
@@ -283,17 +322,20 @@ class OneMassSearch {
 
   [[nodiscard]] MassCandidate chosen_candidate() const {
     std::vector<MassCandidate> all;
+    Index before = 0;
     for (Index parts = 6; parts <= 600; parts *= 3) {
-      const Index length = log_.motion.size() / parts;
+      const Index length = std::min(longest_, samples_ / parts);
       if (length < kFewestSamples) break;
+      if (length == before) continue;
+      before = length;
       const std::vector<GroupProducts> products = products_for(length);
-      for (Index count = 2; count <= forces_.cols(); ++count) {
-        if (count == 4 && forces_.cols() == 5) continue;  // sine and cosine together
+      for (Index count = 2; count <= force_count(); ++count) {
+        if (count == 4 && force_count() == 5) continue;  // sine and cosine together
         all.push_back(judged(products, count, length));
       }
     }
     MassCandidate best;
-    for (Index count = forces_.cols(); count >= 2; --count) {
+    for (Index count = force_count(); count >= 2; --count) {
       const MassCandidate here = longest_of(all, count);
       if (here.error < kSureEnough) return here;
       if (here.error < best.error) best = here;
@@ -317,20 +359,19 @@ class OneMassSearch {
   // A single step can't be left out: the whole log, with the fewest forces that are enough.
   [[nodiscard]] MassCandidate single_transient(const MassCandidate& other) const {
     constexpr double kByDrive = 0.25, kMuchBetter = 0.5;  // of the squares
-    const double enough = log_.is_velocity ? 0.05 : 0.01;
-    const Index n = log_.motion.size();
-    const std::vector<GroupProducts> products = products_for(n);
+    const double enough = is_velocity() ? 0.05 : 0.01;
+    const std::vector<GroupProducts> products = products_for(longest_);
     MassCandidate whole;
-    whole.length = n;
-    for (Index count = 1; count <= forces_.cols(); ++count) {
-      if (count == 4 && forces_.cols() == 5) continue;
+    whole.length = longest_;
+    for (Index count = 1; count <= force_count(); ++count) {
+      if (count == 4 && force_count() == 5) continue;
       const SegmentSolution here = best_of(products, count, -1);
       if (!(here.left < kMuchBetter * whole.solution.left)) continue;
       whole.solution = here;
       whole.forces = count;
     }
     const SegmentSolution& best = whole.solution;
-    const bool is_slow = best.pole * log_.sample_time < kFastest;
+    const bool is_slow = best.pole * sample_time() < kFastest;
     if (!is_slow || best.left > enough * best.total || best.left > kByDrive * best.without_drive) {
       return other;
     }
@@ -351,25 +392,29 @@ class OneMassSearch {
   }
 
   [[nodiscard]] double usual_damping() const {
-    const Index n = log_.motion.size();
-    VectorXd rate = log_.motion;
-    if (!log_.is_velocity) {
-      const Index over = std::max<Index>(1, n / 200);
-      rate = (log_.motion.tail(n - over) - log_.motion.head(n - over)) /
-             (static_cast<double>(over) * log_.sample_time);
+    double moves = 0.0, rates = 0.0, drives = 0.0;
+    for (const OneMassLog& log : logs_) {
+      const Index n = log.motion.size();
+      VectorXd rate = log.motion;
+      if (!log.is_velocity) {
+        const Index over = std::max<Index>(1, n / 200);
+        rate = (log.motion.tail(n - over) - log.motion.head(n - over)) /
+               (static_cast<double>(over) * log.sample_time);
+      }
+      moves += rate.squaredNorm();
+      rates += static_cast<double>(rate.size());
+      drives += log.force.squaredNorm();
     }
-    const double moves = rate.squaredNorm() / static_cast<double>(rate.size());
-    const double drives = log_.force.squaredNorm() / static_cast<double>(n);
-    return moves > 0.0 && drives > 0.0 ? std::sqrt(drives / moves) : 1.0;
+    const bool is_told = moves > 0.0 && drives > 0.0;
+    return is_told ? std::sqrt(drives / static_cast<double>(samples_) / (moves / rates)) : 1.0;
   }
 
   // Where nothing is told: damping that takes the motion's power, and an inertia that settles in a
   // few samples, so that a fit begins in the units of the log.
   [[nodiscard]] OneMassStart scaled(OneMassStart start) const {
     constexpr double kSettles = 10.0;  // samples
-    if (!(log_.force.squaredNorm() > 0.0)) return start;
     start.damping = usual_damping();
-    start.inertia = kSettles * log_.sample_time * start.damping;
+    start.inertia = kSettles * sample_time() * start.damping;
     return start;
   }
 
@@ -401,7 +446,8 @@ class OneMassSearch {
   // Whether the drive acts with the motion for most of the time, as no reversed one does.
   [[nodiscard]] bool drive_pushes() const {
     constexpr double kSometimes = 0.25;
-    const DriveWorkBothWays ways = drive_work(log_.force, log_.motion, log_.is_velocity);
+    DriveWorkBothWays ways;
+    for (const OneMassLog& log : logs_) ways += drive_work(log.force, log.motion, log.is_velocity);
     const auto moving = static_cast<double>(ways.forwards.moving + ways.backwards.moving);
     const auto against = static_cast<double>(ways.forwards.against + ways.backwards.against);
     return ways.forwards.work + ways.backwards.work > 0.0 && against < kSometimes * moving;
@@ -418,13 +464,13 @@ class OneMassSearch {
   // log is left out, and friction takes energy from what is left of the turned drive.
   void prove_reversed(const MassCandidate& chosen, OneMassStart& start) const {
     double least = std::numeric_limits<double>::infinity();
-    for (const MatrixXd& forces : forces_beside(log_)) {
-      const OneMassSearch other(log_, forces);
+    for (const std::vector<MatrixXd>& forces : lists_beside()) {
+      const OneMassSearch other(logs_, forces);
       const std::vector<GroupProducts> products = other.products_for(chosen.length);
-      const SegmentSolution found = best_of(products, forces.cols(), -1);
-      if (found.values.size() == 0 || !are_all_negative(products, forces.cols())) return;
+      const SegmentSolution found = best_of(products, other.force_count(), -1);
+      if (found.values.size() == 0 || !are_all_negative(products, other.force_count())) return;
       const InverseMass mass = other.beside_all(chosen.length, found.pole);
-      const bool is_slow = found.pole * log_.sample_time < kFastest;
+      const bool is_slow = found.pole * sample_time() < kFastest;
       const bool follows = found.left < kHalf * found.without_drive;
       const bool is_damped = (found.pole > 0.0) || (found.values(2) < 0.0);
       if (!is_slow || !follows || !is_damped || !(mass.value < -kProved * mass.error)) return;
@@ -434,6 +480,17 @@ class OneMassSearch {
       start.proved_error = mass.error / (mass.value * mass.value);
     }
     start.is_proved = true;
+  }
+
+  // The lists of forces_beside(), of all logs.
+  [[nodiscard]] std::vector<std::vector<MatrixXd>> lists_beside() const {
+    std::vector<std::vector<MatrixXd>> lists;
+    for (const OneMassLog& log : logs_) {
+      const std::vector<MatrixXd> own = forces_beside(log);
+      lists.resize(own.size());
+      for (std::size_t k = 0; k < own.size(); ++k) lists[k].push_back(own[k]);
+    }
+    return lists;
   }
 
   [[nodiscard]] static bool are_all_negative(const std::vector<GroupProducts>& products,
@@ -450,16 +507,15 @@ class OneMassSearch {
   // Least squares at one pole. What is left follows from its own past r(k) = rho r(k-1) + e(k),
   // which makes the error larger by (1 + rho)/(1 - rho) in the squares.
   [[nodiscard]] InverseMass beside_all(Index length, double pole) const {
-    const Index segments = log_.motion.size() / length;
-    const Index forces = forces_.cols(), rows = segments * length;
-    const FreeResponse response(pole, log_.sample_time, log_.is_velocity, length);
-    MatrixXd columns(log_.motion.size(), forces + 1);
-    for (Index k = 0; k < forces; ++k) columns.col(k) = response.of(forces_.col(k));
-    columns.col(forces) = log_.motion;
+    const Index forces = force_count();
+    const std::vector<MatrixXd> segments = segments_at(pole, length, 0);
+    Index rows = 0;
+    for (const MatrixXd& segment : segments) rows += segment.rows();
     MatrixXd rest(rows, forces + 1);
-    for (Index s = 0; s < segments; ++s) {
-      rest.middleRows(s * length, length) =
-          response.without_start(columns.middleRows(s * length, length));
+    Index first = 0;
+    for (const MatrixXd& segment : segments) {
+      rest.middleRows(first, segment.rows()) = segment;
+      first += segment.rows();
     }
     const MatrixXd products = rest.transpose() * rest;
     const auto [values, left] = solved(products, forces);
@@ -486,19 +542,50 @@ class OneMassSearch {
     start.cosine = -chosen.solution.values(4) * start.inertia;
   }
 
-  const OneMassLog& log_;
-  MatrixXd forces_;
+  const std::vector<OneMassLog>& logs_;
+  std::vector<MatrixXd> forces_;
+  Index samples_ = 0, longest_ = 0;
 };
+
+bool is_usable(const OneMassLog& log) {
+  return log.motion.size() >= kFewestSamples && log.force.allFinite() && log.motion.allFinite() &&
+         log.sample_time > 0.0 && log.force.size() == log.motion.size();
+}
+
+// Sums that are taken in one order come out alike whatever the order of the files is.
+bool comes_first(const OneMassLog& one, const OneMassLog& other) {
+  const auto key = [](const OneMassLog& log) {
+    return std::tuple(log.motion.size(), log.force.squaredNorm(), log.motion.squaredNorm());
+  };
+  return key(one) < key(other);
+}
 
 }  // namespace
 
+OneMassStart start_one_mass(const std::vector<OneMassLog>& logs) {
+  std::vector<OneMassLog> used;
+  Index samples = 0;
+  bool is_driven = false;
+  for (const OneMassLog& log : logs) {
+    if (!is_usable(log)) continue;
+    used.push_back(log);
+    samples += log.motion.size();
+    is_driven = is_driven || log.force.squaredNorm() > 0.0;
+  }
+  if (!is_driven) return {};
+  std::ranges::sort(used, comes_first);
+  const Index over = (samples + kMostSamples - 1) / kMostSamples;
+  for (OneMassLog& log : used) log = shortened(log, over);
+  std::erase_if(used, [](const OneMassLog& log) { return !is_usable(log); });
+  if (used.empty()) return {};
+  const CommonMotion common(used);
+  std::vector<MatrixXd> forces;
+  for (const OneMassLog& log : used) forces.push_back(forces_of(log, common));
+  return OneMassSearch(used, std::move(forces)).run();
+}
+
 OneMassStart start_one_mass(const OneMassLog& log) {
-  const bool is_usable = log.motion.size() >= kFewestSamples && log.force.allFinite() &&
-                         log.motion.allFinite() && log.sample_time > 0.0 &&
-                         log.force.size() == log.motion.size();
-  if (!is_usable || !(log.force.squaredNorm() > 0.0)) return {};
-  const OneMassLog used = shortened(log);
-  return OneMassSearch(used, forces_of(used)).run();
+  return start_one_mass(std::vector<OneMassLog>{log});
 }
 
 }  // namespace graybox

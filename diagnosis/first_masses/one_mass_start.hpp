@@ -23,12 +23,16 @@
 // A single transient can't be left out by the jackknife. Then the whole log is one segment, and the
 // fewest forces that leave 1 % of its squares (5 % of a velocity's) are enough.
 //
-// Cost: O(n) for each of 41 poles and at most six lengths; n is at most 20 000 (longer logs are
-// averaged).
+// Several logs of one mass are one least squares: forces act alike in all, and each segment has a
+// start of its own. So two logs, each at one level of the drive, may tell the inertia together.
+// Their order does not matter.
+//
+// Cost: O(n) for each of 41 poles and at most six lengths; n is at most 20 000 in all logs (longer
+// ones are averaged).
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
+#include <vector>
 
 namespace graybox {
 
@@ -62,5 +66,7 @@ struct OneMassStart {
 };
 
 [[nodiscard]] OneMassStart start_one_mass(const OneMassLog& log);
+// Logs of one sample time; those that are too short or hold no numbers are left out.
+[[nodiscard]] OneMassStart start_one_mass(const std::vector<OneMassLog>& logs);
 
 }  // namespace graybox

@@ -28,10 +28,10 @@ MotionKind MassMachine::motion_of_drive() const {
   return likely_drive == nullptr ? MotionKind::kOpen : likely_drive->words.motion;
 }
 
-Eigen::VectorXd MassMachine::driving() const {
-  if (drive == nullptr) return Eigen::VectorXd::Zero(log.samples());
-  const Eigen::VectorXd values = without_gaps(drive->values);
-  return !has_goal() ? values : goal_factor * values - motions[0].values(log);
+Eigen::VectorXd MassMachine::driving_of(const LogRecording& recording) const {
+  if (drive == nullptr) return Eigen::VectorXd::Zero(recording.samples());
+  const Eigen::VectorXd values = without_gaps(recording.at(drive->file, drive->name).values);
+  return !has_goal() ? values : goal_factor * values - motions[0].values(recording);
 }
 
 void add_guess(ModelProposal& proposal, const std::string& subject, const std::string& value,

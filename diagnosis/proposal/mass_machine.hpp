@@ -48,7 +48,8 @@ struct MassMachine {
   [[nodiscard]] MotionKind motion_of_drive() const;
 
   // What drives in each row, before force_factor; the sum of squares is what counts.
-  [[nodiscard]] Eigen::VectorXd driving() const;
+  [[nodiscard]] Eigen::VectorXd driving() const { return driving_of(log); }
+  [[nodiscard]] Eigen::VectorXd driving_of(const LogRecording& recording) const;
 };
 
 void add_guess(ModelProposal& proposal, const std::string& subject, const std::string& value,

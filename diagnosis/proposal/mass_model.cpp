@@ -12,6 +12,7 @@
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
+#include "diagnosis/signal_faults/held_values.hpp"
 #include "diagnosis/signals/drive_work.hpp"
 #include "problems/base/units.hpp"
 
@@ -148,20 +149,44 @@ class MassModel {
   }
 
   // At even times.
-  [[nodiscard]] Eigen::VectorXd force() const {
-    if (machine_.has_goal()) return machine_.force_factor * machine_.even.of(machine_.driving());
-    Eigen::VectorXd values = without_gaps(machine_.drive->values);
-    if (machine_.drive_period > 0.0) values = unwrapped(values, machine_.drive_period);
-    return machine_.force_factor * machine_.even.of(values);
+  [[nodiscard]] Eigen::VectorXd force() const { return force_of(machine_.log, machine_.even); }
+
+  [[nodiscard]] Eigen::VectorXd force_of(const LogRecording& recording,
+                                         const EvenSamples& even) const {
+    Eigen::VectorXd values = machine_.driving_of(recording);
+    const bool has_wraps = !machine_.has_goal() && machine_.drive_period > 0.0;
+    if (has_wraps) values = unwrapped(values, machine_.drive_period);
+    return machine_.force_factor * even.of(values);
+  }
+
+  // Where a motion holds its values they may begin at another row of each log.
+  [[nodiscard]] EvenSamples even_of(const LogRecording& recording) const {
+    if (&recording == &machine_.log) return machine_.even;
+    LogTime time = time_;
+    const LogColumn* const column = machine_.motions[0].column;
+    if (time.every > 1) {
+      const auto held =
+          find_held_values(without_gaps(recording.at(column->file, column->name).values));
+      time.from = held ? held->first % time.every : 0;
+    }
+    return EvenSamples(recording, time);
   }
 
   [[nodiscard]] Eigen::VectorXd motion(std::size_t k) const {
     return machine_.even.of(machine_.motions[k].values(machine_.log));
   }
 
-  [[nodiscard]] OneMassStart start_of(const Eigen::VectorXd& force) const {
-    return start_one_mass({force, motion(0), machine_.motions[0].is_velocity, !machine_.is_linear(),
-                           time_.sample_time});
+  // From all logs, since the order in which files are named means nothing. What is kept out of the
+  // fit helps, too: only starts come of it. `sign`: -1 turns the drive.
+  [[nodiscard]] OneMassStart start_of(double sign) const {
+    const MotionChoice& motion = machine_.motions[0];
+    std::vector<OneMassLog> logs;
+    for (const LogRecording& recording : machine_.recordings) {
+      const EvenSamples even = even_of(recording);
+      logs.push_back({sign * force_of(recording, even), even.of(motion.values(recording)),
+                      motion.is_velocity, !machine_.is_linear(), time_.sample_time});
+    }
+    return start_one_mass(logs);
   }
 
   // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
@@ -300,11 +325,11 @@ class MassModel {
     std::string why = machine_.request.no_drive ? "no force acts: all else is relative to it"
                                                 : "guessed: open until the questions are answered";
     if (can_compute()) {
-      start = start_of(force());
+      start = start_of(1.0);
       const bool is_unexplained = !machine_.has_goal() && start.told != OneMassTold::kReversed;
       if (is_unexplained && is_braked_both_ways()) {
         doubt_work();
-        start = start_of(-force());
+        start = start_of(-1.0);
       } else if (is_unexplained) {
         note_braking();
       }
@@ -358,7 +383,7 @@ class MassModel {
       const auto found =
           start_one_encoder(force(), motor, machine_.motions[0].is_velocity, time_.sample_time);
       if (found) return {*found, "a start: antiresonance and resonance of the driven mass"};
-      const OneMassStart one = start_of(force());
+      const OneMassStart one = start_of(1.0);
       if (one.told == OneMassTold::kInertia) total = one.inertia;
     }
     constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s

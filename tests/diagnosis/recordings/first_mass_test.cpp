@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <vector>
 
 #include "diagnosis/first_masses/free_response.hpp"
 #include "diagnosis/first_masses/kept_out_blocks.hpp"
@@ -134,6 +136,28 @@ TEST(FirstMass, OneStepIsEnough) {
   force.head(50).setZero();
   const MassRun machine = run(kViscous, force);
   expect_mass(by_position(force, in_counts(machine.position, 400.0)), kViscous, 1.2, "step");
+}
+
+// In each log the drive stays at one level, so that friction is not told from it: by itself a log
+// gives a mass that is too large. Two levels tell both, in either order.
+TEST(FirstMass, LogsOfOneLevelEachTellTheMassTogether) {
+  std::vector<OneMassLog> logs;
+  for (const double level : {2.0, 3.0}) {
+    const VectorXd force = VectorXd::Constant(600, level);
+    logs.push_back({force, run(kDry, force).velocity, true, true, kStep});
+    EXPECT_GT(start_one_mass(logs.back()).inertia, 1.4 * kDry.inertia);
+  }
+  const OneMassStart one = start_one_mass(logs);
+  EXPECT_EQ(one.told, OneMassTold::kInertia);
+  EXPECT_NEAR(one.inertia, kDry.inertia, 0.1 * kDry.inertia);
+  EXPECT_NEAR(one.damping, kDry.damping, 0.1 * kDry.damping);
+  logs.push_back({VectorXd::Ones(5), VectorXd::Ones(5), true, true, kStep});  // too short
+  std::ranges::reverse(logs);
+  const OneMassStart other = start_one_mass(logs);
+  EXPECT_EQ(other.told, one.told);
+  EXPECT_EQ(other.inertia, one.inertia);
+  EXPECT_EQ(other.damping, one.damping);
+  EXPECT_EQ(other.spread, one.spread);
 }
 
 // Pushes of one sign; the arm falls back.
