@@ -205,5 +205,21 @@ TEST_F(LogMachines, BothWaysStayInTheFit) {
   EXPECT_NE(kept({2, 1, 0}).find("step_0.8"), std::string::npos) << kept({2, 1, 0});
 }
 
+// Each log holds one level of the drive, so that none tells the mass beside its dry friction.
+TEST_F(LogMachines, TheOrderOfLogsDoesNotChangeTheMass) {
+  std::vector<std::string> files;
+  for (const double level : {0.3, 0.5}) {
+    const Motion motion = moved({}, 200, [level](double) { return level; });
+    files.push_back(write(fmt::format("level_{:g}.csv", level), {{"time [s]", motion.time},
+                                                                 {"speed [rad/s]", motion.velocity},
+                                                                 {"torque [N m]", motion.force}}));
+  }
+  const std::string mass = value_of(written(files), "mass");
+  EXPECT_NEAR(std::stod(mass), 0.02, 0.002) << mass;
+  EXPECT_NE(mass.find("least squares"), std::string::npos) << mass;
+  std::swap(files[0], files[1]);
+  EXPECT_EQ(value_of(written(files), "mass"), mass);
+}
+
 }  // namespace
 }  // namespace graybox
