@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnosis/first_masses/one_mass_start.hpp"
+#include "diagnosis/first_masses/undriven_gain.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
@@ -74,23 +75,46 @@ std::string elements_of_two(const TwoMassStart& start, const std::string& stiffn
   return text;
 }
 
-// What nothing drives only slows down, but for a weight or a spring.
-void note_gained_speed(const MassMachine& machine, ModelProposal& proposal) {
-  constexpr double kPart = 0.1, kGained = 3.0;  // of the samples; times the speed
-  if (!machine.request.no_drive || machine.drive != nullptr || machine.motions.empty()) return;
+// Seconds from the first row of a recording, of each row.
+Eigen::VectorXd seconds_of(const LogRecording& recording, const LogTime& time) {
+  if (!time.column.empty() && time.seconds() > 0.0) {
+    const Eigen::VectorXd& stamps = recording.at(time.file, time.column).values;
+    return time.seconds() * (stamps.array() - stamps(0));
+  }
+  const double step = time.sample_time / static_cast<double>(time.every);
+  const Eigen::Index n = recording.samples();
+  return Eigen::VectorXd::LinSpaced(n, 0.0, step * static_cast<double>(n - 1));
+}
+
+// What nothing drives only slows down, but for a weight or a spring, which give no more than they
+// took. The first log in which something else acts is named.
+void note_undriven_gain(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
+  const bool is_free = machine.request.no_drive && machine.drive == nullptr;
+  const bool is_known = !machine.motions.empty() && machine.motions.front().column != nullptr &&
+                        proposal.questions.empty();
+  if (!is_free || !is_known) return;
   const MotionChoice& motion = machine.motions.front();
-  if (!motion.is_velocity || motion.column == nullptr) return;
-  const Eigen::VectorXd speed = motion.values(machine.log);
-  const auto part = static_cast<Eigen::Index>(kPart * static_cast<double>(speed.size()));
-  if (part < 1 || !speed.allFinite()) return;
-  const double first = speed.head(part).mean(), last = speed.tail(part).mean();
-  if (std::abs(last) < kGained * std::abs(first) ||
-      std::abs(last) < 0.5 * speed.cwiseAbs().maxCoeff())
+  for (const LogRecording& recording : machine.recordings) {
+    const Eigen::VectorXd times = seconds_of(recording, time);
+    const auto gain = find_undriven_gain(times, motion.values(recording), motion.is_velocity);
+    if (!gain) continue;
+    const std::string length = machine.is_linear() ? "m" : "rad", speed = length + "/s";
+    const std::string where = fmt::format("between {:.3g} and {:.3g} s from the start of {}",
+                                          times(gain->first), times(gain->last), recording.label());
+    proposal.notes.push_back(
+        gain->is_left_place
+            ? fmt::format(
+                  "'{}' leaves its rest by {:.3g} {} and comes back to it, {}, though nothing is "
+                  "said to drive: a hand or a drive that was not logged; keep what follows alone "
+                  "(segments in campaign.yaml)",
+                  motion.column->name, gain->after, length, where)
+            : fmt::format("{}'{}' grows from {:.3g} to {:.3g} {}, {}, though nothing is said to "
+                          "drive: a weight pulls, or a drive that was not logged; add it to the "
+                          "log, a constant one as a column of its value",
+                          motion.is_velocity ? "" : "the rate of ", motion.column->name,
+                          gain->before, gain->after, speed, where));
     return;
-  proposal.notes.push_back(fmt::format(
-      "'{}' grows from {:.3g} to {:.3g} {} though nothing is said to drive: a weight pulls, or a "
-      "drive that was not logged; add it to the log, a constant one as a column of its value",
-      motion.column->name, first, last, machine.is_linear() ? "m/s" : "rad/s"));
+  }
 }
 
 // The mass speeds up against its drive: these are the words for it. Where the mass is negative
@@ -109,6 +133,49 @@ std::string sign_words(const OneMassStart& start, const std::string& unit, const
       "up against its drive. Either a spring or a weight holds the axis, and the signs are right "
       "as they are; or {}{}",
       start.inertia, unit, 100.0 * start.spread, who, turned);
+}
+
+// What drives in a recording, at even times.
+Eigen::VectorXd force_of(const MassMachine& machine, const LogRecording& recording,
+                         const EvenSamples& even) {
+  Eigen::VectorXd values = machine.driving_of(recording);
+  const bool has_wraps = !machine.has_goal() && machine.drive_period > 0.0;
+  if (has_wraps) values = unwrapped(values, machine.drive_period);
+  return machine.force_factor * even.of(values);
+}
+
+// Where a motion holds its values they may begin at another row of each log.
+EvenSamples even_of(const MassMachine& machine, const LogRecording& recording, LogTime time) {
+  if (&recording == &machine.log) return machine.even;
+  const LogColumn* const column = machine.motions[0].column;
+  if (time.every > 1) {
+    const auto held =
+        find_held_values(without_gaps(recording.at(column->file, column->name).values));
+    time.from = held ? held->first % time.every : 0;
+  }
+  return EvenSamples(recording, time);
+}
+
+// What no axis does is a wrong unit.
+void doubt_speed(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
+  constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
+  constexpr double kMost = 0.99;                               // of the samples: no spikes
+  const Eigen::VectorXd place = machine.even.of(machine.motions[0].values(machine.log));
+  const Eigen::Index n = place.size();
+  if (n < 2 || !(time.sample_time > 0.0)) return;
+  Eigen::ArrayXd rate = place.array().tail(n - 1);
+  if (!machine.motions[0].is_velocity) rate = (rate - place.array().head(n - 1)) / time.sample_time;
+  std::vector<double> sizes;
+  for (const double each : rate) sizes.push_back(std::abs(each));
+  const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(kMost * static_cast<double>(n - 2));
+  std::ranges::nth_element(sizes, at);
+  const bool is_linear = machine.is_linear();
+  if (!(*at > (is_linear ? kFastest : kFastestTurning))) return;
+  proposal.notes.push_back(fmt::format(
+      "'{}' moves at {:.3g} {}, which few axes do: are its unit ({}) and that of the time right? "
+      "--column '{}={}:UNIT' says another",
+      machine.motions[0].column->name, *at, is_linear ? "m/s" : "rad/s", machine.motions[0].unit,
+      machine.motions[0].column->name, machine.motions[0].is_velocity ? "velocity" : "position"));
 }
 
 class MassModel {
@@ -149,27 +216,8 @@ class MassModel {
   }
 
   // At even times.
-  [[nodiscard]] Eigen::VectorXd force() const { return force_of(machine_.log, machine_.even); }
-
-  [[nodiscard]] Eigen::VectorXd force_of(const LogRecording& recording,
-                                         const EvenSamples& even) const {
-    Eigen::VectorXd values = machine_.driving_of(recording);
-    const bool has_wraps = !machine_.has_goal() && machine_.drive_period > 0.0;
-    if (has_wraps) values = unwrapped(values, machine_.drive_period);
-    return machine_.force_factor * even.of(values);
-  }
-
-  // Where a motion holds its values they may begin at another row of each log.
-  [[nodiscard]] EvenSamples even_of(const LogRecording& recording) const {
-    if (&recording == &machine_.log) return machine_.even;
-    LogTime time = time_;
-    const LogColumn* const column = machine_.motions[0].column;
-    if (time.every > 1) {
-      const auto held =
-          find_held_values(without_gaps(recording.at(column->file, column->name).values));
-      time.from = held ? held->first % time.every : 0;
-    }
-    return EvenSamples(recording, time);
+  [[nodiscard]] Eigen::VectorXd force() const {
+    return force_of(machine_, machine_.log, machine_.even);
   }
 
   [[nodiscard]] Eigen::VectorXd motion(std::size_t k) const {
@@ -182,8 +230,8 @@ class MassModel {
     const MotionChoice& motion = machine_.motions[0];
     std::vector<OneMassLog> logs;
     for (const LogRecording& recording : machine_.recordings) {
-      const EvenSamples even = even_of(recording);
-      logs.push_back({sign * force_of(recording, even), even.of(motion.values(recording)),
+      const EvenSamples even = even_of(machine_, recording, time_);
+      logs.push_back({sign * force_of(machine_, recording, even), even.of(motion.values(recording)),
                       motion.is_velocity, !machine_.is_linear(), time_.sample_time});
     }
     return start_one_mass(logs);
@@ -266,30 +314,6 @@ class MassModel {
         machine_.drive->name, names, 100.0 * *left));
   }
 
-  // What no axis does is a wrong unit.
-  void doubt_speed() {
-    constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
-    constexpr double kMost = 0.99;                               // of the samples: no spikes
-    const Eigen::VectorXd place = motion(0);
-    const Eigen::Index n = place.size();
-    if (n < 2 || !(time_.sample_time > 0.0)) return;
-    Eigen::ArrayXd rate = place.array().tail(n - 1);
-    if (!machine_.motions[0].is_velocity)
-      rate = (rate - place.array().head(n - 1)) / time_.sample_time;
-    std::vector<double> sizes;
-    for (const double each : rate) sizes.push_back(std::abs(each));
-    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(kMost * static_cast<double>(n - 2));
-    std::ranges::nth_element(sizes, at);
-    const bool is_linear = machine_.is_linear();
-    if (!(*at > (is_linear ? kFastest : kFastestTurning))) return;
-    proposal_.notes.push_back(fmt::format(
-        "'{}' moves at {:.3g} {}, which few axes do: are its unit ({}) and that of the time right? "
-        "--column '{}={}:UNIT' says another",
-        machine_.motions[0].column->name, *at, is_linear ? "m/s" : "rad/s",
-        machine_.motions[0].unit, machine_.motions[0].column->name,
-        machine_.motions[0].is_velocity ? "velocity" : "position"));
-  }
-
   // A drive in N m or N is asked alone: others make masses of any size.
   void doubt_mass(const OneMassStart& start) {
     constexpr double kLargest = 1e4;  // kg m^2, kg
@@ -333,7 +357,7 @@ class MassModel {
       } else if (is_unexplained) {
         note_braking();
       }
-      doubt_speed();
+      doubt_speed(machine_, time_, proposal_);
       if (!machine_.has_goal() && machine_.drive != nullptr) {
         doubt_mass(start);
         note_feedback();
@@ -432,7 +456,7 @@ class MassModel {
 
 std::string mass_model_text(const MassMachine& machine, const LogTime& time,
                             ModelProposal& proposal) {
-  note_gained_speed(machine, proposal);
+  note_undriven_gain(machine, time, proposal);
   return MassModel(machine, time, proposal).text();
 }
 

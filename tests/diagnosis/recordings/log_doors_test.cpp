@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -279,8 +280,41 @@ TEST_F(LogDoors, ASpeedThatGrowsWithoutADriveIsTold) {
   };
   const VectorXd decay = (-0.8 * time.array()).exp().matrix();
   EXPECT_TRUE(told(281.0 * (VectorXd::Ones(500) - decay)));
+  // Within a few samples, as of a motor that is switched on; and a first zero that no one measured.
+  EXPECT_TRUE(told(9.0 * (VectorXd::Ones(500) - (-80.0 * time.array()).exp().matrix())));
+  VectorXd first_zero = (100.0 - 10.0 * time.array()).matrix();
+  first_zero(0) = 0.0;
+  EXPECT_FALSE(told(first_zero));
   EXPECT_FALSE(told(281.0 * decay));
   EXPECT_FALSE(told(-20.0 * decay));
+}
+
+// A pendulum that hangs, is lifted by a hand from 1 to 2 s, and swings out from there.
+TEST_F(LogDoors, ALiftByHandIsToldWithItsSeconds) {
+  constexpr Index kRows = 800, kLifted = 200;
+  constexpr double kStep = 0.01;
+  VectorXd angle(kRows);
+  for (Index k = 0; k < kRows; ++k) {
+    const double t = kStep * static_cast<double>(k), way = std::clamp(t - 1.0, 0.0, 1.0);
+    angle(k) = 0.6 * (1.0 - std::cos(std::numbers::pi * way));
+    if (k >= kLifted) angle(k) = 1.2 * std::exp(2.0 - t) * std::cos(7.0 * (t - 2.0));
+  }
+  ProposalRequest request;
+  request.no_drive = true;
+  const auto proposal_of = [&](const VectorXd& motion, const std::string& title) {
+    const VectorXd time =
+        VectorXd::LinSpaced(motion.size(), 0.0, kStep * static_cast<double>(motion.size() - 1));
+    return proposed(table_of({{"time [s]", time}, {title, motion}}), {}, request);
+  };
+  const ModelProposal lifted = proposal_of(angle, "angle [rad]");
+  EXPECT_TRUE(says(lifted, "leaves its rest by 1.2 rad and comes back to it, between 1.1"))
+      << all_of(lifted);
+  EXPECT_TRUE(says(lifted, "and 2.0")) << all_of(lifted);
+  // From where it is let go, or held there before, it swings freely; so it does once it was struck.
+  const std::string words = "though nothing is said to drive";
+  EXPECT_FALSE(says(proposal_of(angle.tail(kRows - kLifted), "angle [rad]"), words));
+  EXPECT_FALSE(says(proposal_of(angle.tail(kRows - kLifted + 5), "angle [rad]"), words));
+  EXPECT_FALSE(says(proposal_of(angle.tail(kRows - kLifted - 22), "angle [rad]"), words));
 }
 
 // K (goal - q): the goal drives, and a spring of the servo's gain pulls back.
