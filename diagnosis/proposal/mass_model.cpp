@@ -14,6 +14,7 @@
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/held_values.hpp"
+#include "diagnosis/signals/controlled_drive.hpp"
 #include "diagnosis/signals/drive_work.hpp"
 #include "problems/base/units.hpp"
 
@@ -156,6 +157,51 @@ EvenSamples even_of(const MassMachine& machine, const LogRecording& recording, L
   return EvenSamples(recording, time);
 }
 
+// Drive and speed of all recordings, in recorded numbers. Empty where no speed is known.
+std::vector<DriveAndSpeed> drive_and_speed(const MassMachine& machine, const LogColumn& speed) {
+  const auto recorded = [](const LogRecording& recording, const LogColumn& column) {
+    return Eigen::VectorXd(without_gaps(recording.at(column.file, column.name).values) /
+                           std::abs(column.words.unit_factor));
+  };
+  std::vector<DriveAndSpeed> all;
+  for (const LogRecording& recording : machine.recordings) {
+    all.push_back({recorded(recording, *machine.drive), recorded(recording, speed)});
+  }
+  return all;
+}
+
+// A drive that is a speed's target, or that a controller made of the speed.
+void note_controller(const MassMachine& machine, ModelProposal& proposal) {
+  const MotionChoice& motion = machine.motions[0];
+  const LogColumn* const speed = motion.is_velocity  ? motion.column
+                                 : motion.rate > 0.0 ? motion.other
+                                                     : nullptr;
+  if (speed == nullptr || machine.drive == nullptr) return;
+  const LogColumn& drive = *machine.drive;
+  const std::vector<DriveAndSpeed> rows = drive_and_speed(machine, *speed);
+  const Unit* const unit = find_unit(drive.words.unit);
+  const bool may_be_speed = drive.words.unit.empty() || unit == nullptr ||
+                            unit->base == find_unit("rad/s")->base ||
+                            unit->base == find_unit("m/s")->base;
+  const std::vector<double> levels = may_be_speed ? levels_of_target(rows) : std::vector<double>();
+  if (!levels.empty()) {
+    proposal.notes.push_back(fmt::format(
+        "'{}' and '{}' settle at the same numbers ({:.4g}, {:.4g}): a reference of a speed "
+        "controller? What drives is then not logged, and laws found describe the controller, too",
+        drive.name, speed->name, levels.front(), levels.back()));
+    return;
+  }
+  const bool is_command = drive.words.quantity != LogQuantity::kCurrent && !drive.words.is_measured;
+  const auto feedback = is_command ? find_speed_feedback(rows) : std::nullopt;
+  if (!feedback) return;
+  proposal.notes.push_back(fmt::format(
+      "'{0}' is made from '{1}' ('{0}' = {2:.3g} - {3:.3g} '{1}', to {4:.0f} %): a controller's "
+      "output in its loop. At one target its gain can't be told from the machine's damping: record "
+      "several targets, or steps of the drive itself",
+      drive.name, speed->name, feedback->constant, feedback->gain,
+      std::floor(100.0 * feedback->share)));
+}
+
 // What no axis does is a wrong unit.
 void doubt_speed(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
   constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
@@ -296,7 +342,7 @@ class MassModel {
   }
 
   // Nothing but a controller computes a drive that is a sum of what was measured.
-  void note_feedback() {
+  [[nodiscard]] bool note_feedback() {
     constexpr double kExact = 0.01;  // of the drive's deviation
     const MotionChoice& choice = machine_.motions[0];
     std::vector<Eigen::VectorXd> measured{motion(0)};
@@ -306,12 +352,13 @@ class MassModel {
       names += fmt::format(" and '{}'", choice.other->name);
     }
     const std::optional<double> left = left_of_feedback(force(), measured);
-    if (!left || *left > kExact) return;
+    if (!left || *left > kExact) return false;
     proposal_.notes.push_back(fmt::format(
         "'{}' (drive) is a sum of a constant and of {}, to {:.2g} % of its deviation: a controller "
         "computed it. Nothing else excites the machine, so this log can't tell the machine from "
         "its controller: move the goal, push, or add a signal to the drive",
         machine_.drive->name, names, 100.0 * *left));
+    return true;
   }
 
   // A drive in N m or N is asked alone: others make masses of any size.
@@ -360,7 +407,7 @@ class MassModel {
       doubt_speed(machine_, time_, proposal_);
       if (!machine_.has_goal() && machine_.drive != nullptr) {
         doubt_mass(start);
-        note_feedback();
+        if (!note_feedback()) note_controller(machine_, proposal_);
       }
       switch (start.told) {
         case OneMassTold::kInertia:

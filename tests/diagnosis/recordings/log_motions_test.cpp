@@ -255,5 +255,64 @@ TEST_F(LogMotions, ADriveOfUnknownGainSaysWhatItsUnitsMean) {
             std::string::npos);
 }
 
+// ---- drives of a controller ----------------------------------------------------------------
+
+// The speed follows its target through a controller that was not logged.
+TEST_F(LogMotions, ATargetOfTheSpeedIsNoDrive) {
+  const auto proposal_of = [&](double gain, const std::string& title) {
+    Values time, target, speed;
+    double v = 0.0;
+    for (int k = 0; k < 400; ++k) {
+      time.push_back(0.01 * k);
+      target.push_back(k < 100 ? -60.0 : k < 250 ? 50.0 : 20.0);
+      speed.push_back(v);
+      v += 0.1 * (gain * target.back() - v);
+    }
+    return proposed({{"time [s]", time}, {title, target}, {"speed [rad/s]", speed}});
+  };
+  const std::string words = "settle at the same numbers";
+  EXPECT_TRUE(says(proposal_of(1.0, "command"), "'command' and 'speed' " + words + " (-60, 50)"))
+      << all_of(proposal_of(1.0, "command"));
+  EXPECT_FALSE(says(proposal_of(0.95, "command"), words));
+  EXPECT_FALSE(says(proposal_of(1.0, "voltage [V]"), words));
+}
+
+// A machine at one speed, which a load disturbs and a controller holds, but for noise.
+struct HeldSpeed {
+  Values time, drive, speed;
+};
+
+HeldSpeed held_speed(const std::function<double(double speed, double noise)>& drive) {
+  HeldSpeed rows;
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  double v = 12.0;
+  for (int k = 0; k < 400; ++k) {
+    rows.time.push_back(0.01 * k);
+    rows.drive.push_back(drive(v, noise(random)));
+    rows.speed.push_back(v);
+    v = 12.0 + 0.6 * (v - 12.0) + 0.9 * noise(random);
+  }
+  return rows;
+}
+
+TEST_F(LogMotions, ADriveMadeFromTheSpeedIsToldWithItsLine) {
+  const auto proposal_of = [&](const HeldSpeed& rows, const std::string& title) {
+    return proposed({{"time [s]", rows.time}, {title, rows.drive}, {"speed [rad/s]", rows.speed}});
+  };
+  const std::string words = "is made from 'speed'";
+  const auto of_controller = [](double v, double e) { return 0.13 * (12.0 - v) + 0.29 + 0.03 * e; };
+  const ModelProposal held = proposal_of(held_speed(of_controller), "u");
+  EXPECT_TRUE(says(held, "'u' " + words + " ('u' = 1.")) << all_of(held);
+  EXPECT_TRUE(says(held, "record several targets")) << all_of(held);
+  // Measured at a constant voltage the current falls with the speed. And without a controller the
+  // drive rises with the speed, or stands against it where it is counted the other way.
+  EXPECT_FALSE(says(proposal_of(held_speed(of_controller), "current [A]"), words));
+  const auto viscous = [](double v, double e) { return 0.1 * v + 0.03 * e; };
+  const auto reversed = [](double v, double e) { return -0.1 * v + 0.03 * e; };
+  EXPECT_FALSE(says(proposal_of(held_speed(viscous), "u"), words));
+  EXPECT_FALSE(says(proposal_of(held_speed(reversed), "u"), words));
+}
+
 }  // namespace
 }  // namespace graybox
