@@ -173,9 +173,9 @@ std::vector<DriveAndSpeed> drive_and_speed(const MassMachine& machine, const Log
 // A drive that is a speed's target, or that a controller made of the speed.
 void note_controller(const MassMachine& machine, ModelProposal& proposal) {
   const MotionChoice& motion = machine.motions[0];
-  const LogColumn* const speed = motion.is_velocity  ? motion.column
-                                 : motion.rate > 0.0 ? motion.other
-                                                     : nullptr;
+  const LogColumn* const speed = motion.is_velocity   ? motion.column
+                                 : motion.rate >= 0.0 ? motion.other
+                                                      : nullptr;
   if (speed == nullptr || machine.drive == nullptr) return;
   const LogColumn& drive = *machine.drive;
   const std::vector<DriveAndSpeed> rows = drive_and_speed(machine, *speed);

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "diagnosis/log_columns/encoder_steps.hpp"
+#include "diagnosis/log_columns/position_jitter.hpp"
 #include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
@@ -91,6 +92,31 @@ MotionKind motion_of(const LogColumn* position, const LogColumn* velocity,
   return MotionKind::kRotary;
 }
 
+// In the velocity's unit. None where it is small.
+std::optional<PositionJitter> large_jitter(const LogColumn& position, const LogColumn& velocity,
+                                           const MotionUnits& units, const MotionContext& context) {
+  const double factor = find_unit(units.position)->factor / find_unit(units.velocity)->factor;
+  const Eigen::VectorXd place = without_wraps(position.values, turn_in(position.words.unit)).first;
+  const auto jitter = position_jitter(factor * context.even.of(place),
+                                      context.even.of(velocity.values), context.step);
+  return jitter && jitter->is_large() ? jitter : std::nullopt;
+}
+
+// A low pass that goes a of the way in a row is late by (1 - a)/a rows.
+std::string jitter_words(const LogColumn& position, const LogColumn& velocity,
+                         const PositionJitter& jitter, double step) {
+  if (jitter.is_speed_computed()) {
+    return fmt::format(
+        "'{}' was computed from '{}', by a low pass that makes it late by about {:.2g} s",
+        velocity.name, position.name, step * (1.0 - jitter.low_pass) / jitter.low_pass);
+  }
+  return fmt::format(
+      "'{}' jitters from row to row, its rate by {:.2g} times the deviation of '{}', which does "
+      "not "
+      "follow it",
+      position.name, jitter.rate / jitter.speed_deviation, velocity.name);
+}
+
 // The position beside the velocity: whether the one is the rate of the other, and the units in
 // which it is.
 class RateComparison {
@@ -113,7 +139,7 @@ class RateComparison {
   [[nodiscard]] bool prefers_velocity() {
     constexpr double kMuchSmoother = 0.5, kNoRatio = 0.15;
     if (position_ == nullptr || velocity_ == nullptr || !(context_.step > 0.0)) return false;
-    if (is_velocity_finer()) return true;
+    if (is_velocity_finer() || is_velocity_calmer()) return true;
     const bool is_told = !position_->words.unit.empty() || position_->answered || units_.is_found ||
                          holds_counts(*position_) || context_.counts_per_turn.has_value();
     if (is_told || (fit_ && fit_->misfit < kNoRatio)) return false;
@@ -143,7 +169,7 @@ class RateComparison {
   // A coarse position beside a velocity in much finer steps, which is its rate within its rounding.
   // One that is late was filtered, and one with an offset is worse than coarse.
   [[nodiscard]] bool is_velocity_finer() {
-    constexpr double kMuchFiner = 20.0, kOfDifference = 0.41;  // sqrt(2/12) of a step
+    constexpr double kMuchFiner = 20.0, kMostSaid = 1000.0, kOfDifference = 0.41;  // sqrt(2/12)
     const bool has_unit = !velocity_->words.unit.empty() || units_.is_found;
     if (context_.drive == nullptr || !fit_ || !(fit_->factor > 0.0) || !has_unit) return false;
     if (has_offset_ || units_.contradicts || position_->answered) return false;
@@ -157,12 +183,24 @@ class RateComparison {
     const double finer = rate_step / smallest_step(without_gaps(velocity_->values));
     const double rounding = kOfDifference * 0.5 * rate_step / deviation;
     if (!(finer >= kMuchFiner) || !(fit_->misfit < rounding)) return false;
-    constexpr double kMostSaid = 1000.0;
     remarks_.push_back(fmt::format(
         "'{}' goes in steps of {:.3g}, and its rate so in steps at least {:.0f} times "
         "those of '{}', which agrees",
         position_->name, coarse->step, std::floor(std::min(finer, kMostSaid)), velocity_->name));
     return true;
+  }
+
+  // A position that jitters beside a velocity of its own, which was not computed from it.
+  [[nodiscard]] bool is_velocity_calmer() {
+    const bool may_be = context_.drive != nullptr && units_.is_found && !has_offset_ &&
+                        !(position_->answered && !velocity_->answered) && !is_counted(*position_);
+    if (!may_be || (fit_ && !(fit_->factor > 0.0))) return false;
+    const auto jitter = large_jitter(*position_, *velocity_, units_, context_);
+    if (!jitter || (fit_ && std::abs(fit_->late) > context_.step)) return false;
+    const bool is_own = !jitter->is_speed_computed();
+    if (is_own || (jitter->low_pass > 0.0 && remarks_.empty()))
+      remarks_.push_back(jitter_words(*position_, *velocity_, *jitter, context_.step));
+    return is_own;
   }
 
   // A velocity that is the rate but for its sign, which is a bit of its own.

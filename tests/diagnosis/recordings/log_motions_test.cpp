@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <functional>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "diagnosis/log_columns/position_jitter.hpp"
 #include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/proposal.hpp"
 #include "tests/support/proposal_words.hpp"
@@ -211,6 +213,90 @@ TEST_F(LogMotions, ACoarsePositionGivesWayToAFineVelocity) {
   EXPECT_NE(value_of(proposal_of(coarse, late, {}), "position"), "");
   EXPECT_NE(value_of(proposal_of(rows.position, rows.velocity, {}), "position"), "");
   EXPECT_NE(value_of(proposal_of(coarse, rows.velocity, {"angle=position:rad"}), "position"), "");
+}
+
+// Means over so many samples, half of them behind.
+Eigen::VectorXd mean_over(const Eigen::VectorXd& values, Eigen::Index over) {
+  Eigen::VectorXd means(values.size());
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    const Eigen::Index first = std::max<Eigen::Index>(0, k - over / 2),
+                       last = std::min(values.size() - 1, k + over / 2);
+    means(k) = values.segment(first, last - first + 1).mean();
+  }
+  return means;
+}
+
+// A speed of its own is told from one that was computed, also from far smoother ones.
+TEST(PositionJitter, ASpeedComputedFromThePositionIsTold) {
+  constexpr Eigen::Index kRows = 800;
+  constexpr double kStep = 0.01, kLowPass = 0.15;
+  std::mt19937_64 random(2);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  Eigen::VectorXd place(kRows), own(kRows), differences(kRows), low_pass(kRows);
+  double q = 0.0;
+  for (Eigen::Index k = 0; k < kRows; ++k) {
+    const double t = kStep * static_cast<double>(k);
+    const double speed = 12.0 + std::sin(5.0 * t) + 0.5 * std::sin(17.0 * t);
+    place(k) = q + 0.05 * noise(random);
+    own(k) = speed + 0.3 * noise(random);
+    q += kStep * speed;
+    differences(k) = k > 0 ? (place(k) - place(k - 1)) / kStep : 12.0;
+    low_pass(k) = k > 0 ? low_pass(k - 1) + kLowPass * (differences(k) - low_pass(k - 1)) : 12.0;
+  }
+  const auto of_own = position_jitter(place, own, kStep);
+  ASSERT_TRUE(of_own.has_value());
+  EXPECT_TRUE(of_own->is_large());
+  EXPECT_FALSE(of_own->is_speed_computed()) << of_own->computed;
+  EXPECT_EQ(of_own->low_pass, 0.0);
+  const auto of_low_pass = position_jitter(place, low_pass, kStep);
+  ASSERT_TRUE(of_low_pass.has_value());
+  EXPECT_TRUE(of_low_pass->is_large());
+  EXPECT_TRUE(of_low_pass->is_speed_computed()) << of_low_pass->computed;
+  EXPECT_NEAR(of_low_pass->low_pass, kLowPass, 0.02);
+  for (const Eigen::Index over : {5, 21, 41}) {
+    const auto smoothed = position_jitter(place, mean_over(differences, over), kStep);
+    ASSERT_TRUE(smoothed.has_value());
+    EXPECT_TRUE(smoothed->is_speed_computed()) << over << ": " << smoothed->computed;
+  }
+  const auto plain = position_jitter(place, differences, kStep);
+  ASSERT_TRUE(plain.has_value());
+  EXPECT_FALSE(plain->is_large());
+  EXPECT_FALSE(position_jitter(place.head(50), own.head(50), kStep).has_value());
+}
+
+// A wheel at about one speed. A speed that was measured by itself is used where the position
+// jitters; one that was computed from that position is none the better for it.
+TEST_F(LogMotions, AJitteringPositionGivesWayToAVelocityOfItsOwn) {
+  constexpr int kRows = 600;
+  constexpr double kStep = 0.01;
+  const Rows rows =
+      rows_of([](double t) { return 0.65 + 0.1 * std::sin(5.0 * t) + 0.1 * std::sin(17.0 * t); },
+              kRows, kStep);
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> noise(0.0, 1.0);
+  const Values jittering = mapped(rows.position, [&](double q) { return q + 0.2 * noise(random); });
+  const Values own = mapped(rows.velocity, [&](double v) { return v + 0.1 * noise(random); });
+  Values differences(kRows), smoothed(kRows);
+  differences[0] = smoothed[0] = rows.velocity[0];
+  for (std::size_t k = 1; k < differences.size(); ++k) {
+    differences[k] = (jittering[k] - jittering[k - 1]) / kStep;
+    smoothed[k] = smoothed[k - 1] + 0.15 * (differences[k] - smoothed[k - 1]);
+  }
+  const auto proposal_of = [&](const Values& position, const Values& velocity) {
+    return proposed({{"time [s]", rows.time},
+                     {"angle [rad]", position},
+                     {"speed [rad/s]", velocity},
+                     {"torque [N m]", rows.force}},
+                    {"torque=torque:N m"});
+  };
+  const ModelProposal calm = proposal_of(jittering, own);
+  EXPECT_NE(value_of(calm, "velocity"), "") << all_of(calm);
+  EXPECT_TRUE(says(calm, "'angle' jitters from row to row")) << all_of(calm);
+  EXPECT_TRUE(says(calm, "'angle' is not used")) << all_of(calm);
+  EXPECT_NE(value_of(proposal_of(jittering, differences), "position"), "");
+  const ModelProposal low_pass = proposal_of(jittering, smoothed);
+  EXPECT_NE(value_of(low_pass, "position"), "") << all_of(low_pass);
+  EXPECT_NE(value_of(proposal_of(rows.position, own), "position"), "");
 }
 
 // A machine that turns one way: a velocity that is scaled has no offset.
