@@ -270,9 +270,9 @@ class MassModel {
     return machine_.even.of(machine_.motions[k].values(machine_.log));
   }
 
-  // From all logs, since the order in which files are named means nothing. What is kept out of the
-  // fit helps, too: only starts come of it. `sign`: -1 turns the drive.
-  [[nodiscard]] OneMassStart start_of(double sign) const {
+  // All logs, since the order in which files are named means nothing. What is kept out of the fit
+  // helps, too: only starts and notes come of it. `sign`: -1 turns the drive.
+  [[nodiscard]] std::vector<OneMassLog> logs_of(double sign) const {
     const MotionChoice& motion = machine_.motions[0];
     std::vector<OneMassLog> logs;
     for (const LogRecording& recording : machine_.recordings) {
@@ -280,8 +280,10 @@ class MassModel {
       logs.push_back({sign * force_of(machine_, recording, even), even.of(motion.values(recording)),
                       motion.is_velocity, !machine_.is_linear(), time_.sample_time});
     }
-    return start_one_mass(logs);
+    return logs;
   }
+
+  [[nodiscard]] OneMassStart start_of(double sign) const { return start_one_mass(logs_of(sign)); }
 
   // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
   // same but for a velocity beside the position, which is a third witness: two that agree are
@@ -310,7 +312,11 @@ class MassModel {
 
   // A weight or a spring gives back one way what it took the other way; nothing gives both ways.
   [[nodiscard]] bool is_braked_both_ways() const {
-    return takes_energy_both_ways(drive_work(force(), motion(0), machine_.motions[0].is_velocity));
+    DriveWorkBothWays work;
+    for (const OneMassLog& log : logs_of(1.0)) {
+      work += drive_work(log.force, log.motion, log.is_velocity);
+    }
+    return takes_energy_both_ways(work);
   }
 
   void doubt_work() {
