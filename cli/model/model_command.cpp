@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -28,6 +29,29 @@ struct Arguments {
 
 bool is_urdf(const std::string& file) {
   return file.ends_with(".urdf") || file.ends_with(".URDF") || file.ends_with(".urdf.xml");
+}
+
+// "one mass", "two-masses": words for the machine in the place of a file, where there is none.
+std::optional<ProposedMachine> machine_named(const std::string& file) {
+  const bool is_one = file == "one mass" || file == "one-mass";
+  const bool is_two = file == "two masses" || file == "two-masses";
+  if ((!is_one && !is_two) || std::filesystem::exists(file)) return {};
+  return is_one ? ProposedMachine::kOneMass : ProposedMachine::kTwoMasses;
+}
+
+// The options for the machine, with the words for it that stand among the files.
+Arguments with_named_machine(Arguments arguments) {
+  std::erase_if(arguments.files, [&](const std::string& file) {
+    const std::optional<ProposedMachine> machine = machine_named(file);
+    if (!machine) return false;
+    const bool is_one = *machine == ProposedMachine::kOneMass;
+    (is_one ? arguments.one_mass : arguments.two_masses) = true;
+    return true;
+  });
+  if (arguments.one_mass && arguments.two_masses) {
+    throw InputError("one mass or two masses: say one of both");
+  }
+  return arguments;
 }
 
 // Names with anything but letters, digits and a few signs in quotes, as a shell wants them.
@@ -64,9 +88,18 @@ void require_applicable(const Arguments& arguments, const ProposalRequest& reque
   }
 }
 
-ProposalRequest request_of(const Arguments& arguments) {
+ProposalRequest request_of(const Arguments& given) {
+  const Arguments arguments = with_named_machine(given);
+  if (arguments.files.empty()) {
+    throw InputError(fmt::format("{}: give a log, too: graybox model --{} LOG.csv",
+                                 given.files.front(),
+                                 arguments.one_mass ? "one-mass" : "two-masses"));
+  }
   ProposalRequest request = arguments.request;
   request.command = "graybox model";
+  if (given.files.size() > arguments.files.size()) {
+    request.command += arguments.one_mass ? " --one-mass" : " --two-masses";
+  }
   for (const std::string& file : arguments.files) {
     if (is_urdf(file) && request.urdf.empty()) {
       request.urdf = file;

@@ -384,6 +384,25 @@ TEST_F(Model, DamagedLogsAreRefusedAndNothingIsWritten) {
   EXPECT_FALSE(is_there("out"));
 }
 
+// "one mass" in the place of a file is the machine, unless there is such a file.
+TEST_F(Model, TheMachineMayBeSaidInWords) {
+  write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare"));
+  for (const std::string word : {"'one mass'", "one-mass"}) {
+    const Outcome outcome = graybox("model " + word + " log.csv -o axis --overwrite");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_NE(outcome.out.find("one mass"), std::string::npos) << outcome.out;
+    EXPECT_NE(outcome.out.find("you said so"), std::string::npos) << outcome.out;
+    EXPECT_NE(read_text(folder_.file("axis/model.yaml")).find("graybox model --one-mass log.csv"),
+              std::string::npos);
+  }
+  const Outcome two = graybox("model 'two masses' log.csv -o two");
+  EXPECT_NE(two.out.find("two masses and a spring"), std::string::npos) << two.out << two.err;
+  expect_refused("model one-mass --two-masses log.csv -o out", "say one of both");
+  expect_refused("model 'one mass' -o out", "give a log, too");
+  write_text(folder_.file("one mass"), "no table");
+  expect_refused("model 'one mass' -o out", "one mass:");
+}
+
 TEST_F(Model, NothingIsOverwrittenUnasked) {
   write_text(folder_.file("log.csv"), table("t,q,dq,tau,spare"));
   write_text(folder_.file("model.yaml"), "mine");
