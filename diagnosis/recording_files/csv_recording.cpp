@@ -348,13 +348,62 @@ std::size_t place_of_header(const TableLines& lines) {
   return fits(last - 1) && are_units_alone(head[last - 1].text) ? last - 1 : last;
 }
 
-// The lines above the header, for a remark.
+// Where the numbers begin below lines of words that name no column, as a console begins its log
+// with its own name; 0 where there are none. Such lines hold no separator, while the rows have
+// commas or semicolons, so they can't be read as titles. One word alone is a title, of numbers with
+// decimal commas. Throws InputError where the lines may be titles all the same: words in the number
+// of the fields, or rows that may be single numbers with decimal commas.
+std::size_t place_below_banner(const std::string& path, const TableLines& lines) {
+  const std::vector<NumberedLine>& head = lines.head();
+  if (!lines.ends_in_numbers() || head.size() < 2) return 0;
+  const std::string& row = head.back().text;
+  FieldSplitter of_rows(row), of_words("");
+  const std::size_t count = of_rows.split(row).size();
+  if (count < 2 || row.find_first_of(";,") == std::string::npos) return 0;
+  bool has_words = false;
+  for (std::size_t k = 0; k + 1 < head.size(); ++k) {
+    if (head[k].text.find_first_of(";,\t") != std::string::npos) return 0;
+    has_words = has_words || of_words.split(head[k].text).size() > 1;
+  }
+  if (!has_words) return 0;
+  const NumberedLine& last = head[head.size() - 2];
+  const bool may_be_titles = of_words.split(last.text).size() == count;
+  const bool may_be_one_number = count < 3 && row.find_first_of("; \t") == std::string::npos;
+  if (may_be_titles || may_be_one_number) {
+    throw InputError(fmt::format(
+        "{}: line {}: '{}' has no separator, and the row below it has {} fields: separate the "
+        "titles as the numbers are, or delete line {}",
+        path, last.number, shortened(last.text, kShownOfField), count, last.number));
+  }
+  return head.size() - 1;
+}
+
+// A first line of words with a number among them is no row where the next has another number of
+// fields, and no header either.
+void refuse_banner(const std::string& path, const TableLines& lines) {
+  const std::vector<NumberedLine>& head = lines.head();
+  if (head.size() != 2 || !lines.ends_in_numbers()) return;
+  const std::string& banner = head.front().text;
+  const bool has_words = std::isalpha(static_cast<unsigned char>(banner.front())) != 0;
+  FieldSplitter splitter(banner);
+  const std::vector<std::string_view>& fields = splitter.split(banner);
+  const bool is_header_or_row = is_header(fields) || is_line_of_numbers(fields);
+  const std::size_t count = fields.size();
+  FieldSplitter of_rows(head.back().text);
+  if (!has_words || is_header_or_row || of_rows.split(head.back().text).size() == count) return;
+  throw InputError(fmt::format(
+      "{}: line {}: '{}' is neither a name of each column nor a row: delete line {}", path,
+      head.front().number, shortened(banner, kShownOfField), head.front().number));
+}
+
+// The lines above the header or the numbers, for a remark.
 std::string remark_of_title(const std::string& path, const TableLines& lines, std::size_t header) {
   constexpr std::size_t kShown = 40;
   const std::string& first = lines.head().front().text;
-  return fmt::format("{}: what stands above the header in line {} is left out: '{}{}'", path,
-                     lines.head()[header].number, first.substr(0, kShown),
-                     first.size() > kShown || header > 1 ? "..." : "");
+  const bool has_header = header + 1 < lines.head().size();
+  return fmt::format("{}: what stands above the {} in line {} is left out: '{}{}'", path,
+                     has_header ? "header" : "numbers", lines.head()[header].number,
+                     first.substr(0, kShown), first.size() > kShown || header > 1 ? "..." : "");
 }
 
 // For a message about the header: lines of words above the numbers that it can't be alone.
@@ -680,7 +729,9 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
     read_samples_beside_settings(lines, file);
     return file;
   }
-  const std::size_t header = place_of_header(lines);
+  const std::size_t banner = place_below_banner(path, lines);
+  const std::size_t header = banner > 0 ? banner : place_of_header(lines);
+  if (header == 0) refuse_banner(path, lines);
   lines.begin_at(header);
   std::string_view line;
   bool more = lines.next(line);

@@ -355,6 +355,37 @@ TEST(LogRecordings, ALineOfUnitsBelowTheHeader) {
   EXPECT_DOUBLE_EQ(find_time(logs[0], {}).sample_time, 0.002);
 }
 
+// A console's name above rows without titles is no header; what may be titles is asked for.
+TEST(LogRecordings, ABannerAboveTheNumbersIsPassedOver) {
+  const testing::TemporaryFolder folder;
+  std::string rows;
+  for (int k = 0; k < 60; ++k) rows += fmt::format(".{:03d}, 1.5, {}\n", 10 * k, k);
+  const auto read = [&](const std::string& text) {
+    testing::write_text(folder.file("log.csv"), text);
+    return read_recording_file(folder.file("log.csv"));
+  };
+  for (const std::string banner :
+       {"SWV ITM Data Console - ITM Port: 0\n", "SWV ITM\n", "Log\nof my motor today\n"}) {
+    const RecordingFile file = read(banner + rows);
+    ASSERT_EQ(file.columns.size(), 3U) << banner;
+    EXPECT_EQ(file.columns[2].name, "3") << banner;
+    EXPECT_EQ(file.columns[0].values.size(), 60) << banner;
+    ASSERT_EQ(file.remarks.size(), 1U) << banner;
+    EXPECT_NE(file.remarks[0].find("above the numbers in line"), std::string::npos);
+    EXPECT_EQ(read(banner + "t,x,motor\n" + rows).columns[2].name, "motor") << banner;
+  }
+  const auto refused = [&](const std::string& text, const std::string& message) {
+    testing::expect_refused([&] { (void)read(text); }, message);
+  };
+  refused("SWV ITM motor\n" + rows, "line 1: 'SWV ITM motor' has no separator");
+  refused("SWV ITM motor\n" + rows, "or delete line 1");
+  refused("speed of motor\n1,25\n2,5\n", "delete line 1");  // decimal commas
+  refused("SWV Console Port: 0\n0.1 2 3\n0.2 3 4\n", "nor a row: delete line 1");
+  refused("t\n0,1\n1,2\n", "write a decimal point");
+  // Titles that blanks separate, above tabs.
+  EXPECT_EQ(read("t u v\n0\t1\t2\n1\t2\t3\n").columns[2].name, "v");
+}
+
 // Lines above the header, and units that graybox does not know below it.
 TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   const testing::TemporaryFolder folder;
