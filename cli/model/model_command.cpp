@@ -131,6 +131,10 @@ bool is_terminal() { return isatty(fileno(stdin)) != 0 && isatty(fileno(stdout))
 // Adds the answer to the request. False where the user gives none.
 bool take_answer(const OpenQuestion& question, const std::string& line, ProposalRequest& request) {
   try {
+    if (question.kind == OpenQuestion::Kind::kSampleTime && line.find('=') != std::string::npos) {
+      request.columns.push_back(column_answer(line));  // the column that has the time
+      return true;
+    }
     const double number = std::stod(line);
     if (question.kind == OpenQuestion::Kind::kSampleTime && number > 0.0) {
       request.sample_time = number;
@@ -150,6 +154,7 @@ bool take_answer(const OpenQuestion& question, const std::string& line, Proposal
       return true;
     }
   } catch (const std::logic_error&) {  // no number
+  } catch (const InputError&) {        // no answer
   }
   return false;
 }

@@ -313,7 +313,16 @@ LogTime time_of_stamps(const LogRecording& recording, const LogColumn& column) {
 
 }  // namespace
 
+std::string likely_unit_of_step(double step) {
+  if (std::string unit = unit_of_step(step); !unit.empty()) return unit;
+  return step <= 1.0 ? "s" : step < 1e4 ? "ms" : "us";
+}
+
 bool rises_evenly(const Eigen::VectorXd& values) {
+  return rises_as_time(values) && has_regular_steps(values);
+}
+
+bool rises_as_time(const Eigen::VectorXd& values) {
   constexpr double kFew = 0.1;
   if (values.size() < 3 || !values.allFinite() || first_fall(values) >= 0) return false;
   const Eigen::VectorXd steps = steps_of(values);
@@ -322,6 +331,7 @@ bool rises_evenly(const Eigen::VectorXd& values) {
 }
 
 const LogColumn* ticking_column(const LogRecording& recording) {
+  const LogColumn* uneven = nullptr;
   for (const LogColumn& column : recording.columns) {
     const bool may_be = column.words.quantity == LogQuantity::kUnknown && !column.answered &&
                         column.values.size() > 2 && !column.counts_rows();
@@ -332,9 +342,11 @@ const LogColumn* ticking_column(const LogRecording& recording) {
     }
     const Eigen::VectorXd ticks =
         Eigen::Map<const Eigen::VectorXd>(known.data(), static_cast<Eigen::Index>(known.size()));
-    if (ticks.size() > 2 && first_fall(ticks) < 0 && has_regular_steps(ticks)) return &column;
+    if (ticks.size() < 3 || first_fall(ticks) >= 0) continue;
+    if (has_regular_steps(ticks)) return &column;
+    if (uneven == nullptr && rises_as_time(ticks)) uneven = &column;
   }
-  return nullptr;
+  return uneven;
 }
 
 std::pair<double, double> steps_between_rows(const LogColumn& column) {

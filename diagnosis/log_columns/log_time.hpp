@@ -40,12 +40,16 @@ struct LogTime {
 };
 
 // A column that nobody knows and that rises by other steps from row to row, as ticks of a clock do;
-// null where there is none.
+// null where there is none. One that rises evenly comes before others.
 [[nodiscard]] const LogColumn* ticking_column(const LogRecording& recording);
-// Whether numbers only rise, in steps of about one size: as a counter's, and as no force's.
+// Whether numbers only rise, eight of ten steps by half to twice the median: as a clock's, and as no
+// force's. Whether nearly all steps are of about one size, too.
+[[nodiscard]] bool rises_as_time(const Eigen::VectorXd& values);
 [[nodiscard]] bool rises_evenly(const Eigen::VectorXd& values);
 // The unit of a time by the size of its steps; empty where two are as likely.
 [[nodiscard]] std::string unit_of_step(double step);
+// The likelier one where two are: s up to steps of 1, then ms, for an example in a question.
+[[nodiscard]] std::string likely_unit_of_step(double step);
 // The smallest and the largest step of a column from row to row, but for one in a hundred each.
 [[nodiscard]] std::pair<double, double> steps_between_rows(const LogColumn& column);
 

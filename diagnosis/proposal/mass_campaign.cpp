@@ -276,9 +276,11 @@ class MassCampaign {
     if (quantity == LogQuantity::kTime) return "another time";
     if (quantity == LogQuantity::kUnknown) {
       if (column.counts_rows()) return "numbers the rows";
-      if (!rises_evenly(column.values)) return "not recognised";
+      if (!rises_as_time(column.values)) return "not recognised";
       const bool is_whole = (column.values.array() == column.values.array().round()).all();
-      return is_whole ? "a counter" : "rises evenly, as a time does";
+      if (is_whole) return "a counter";
+      return rises_evenly(column.values) ? "rises evenly, as a time does"
+                                         : "rises throughout, as a time does";
     }
     if (quantity == LogQuantity::kOther) {
       return column.answered ? "you said so" : "no motion, no drive";

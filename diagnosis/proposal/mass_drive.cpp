@@ -29,7 +29,7 @@ class DriveSearch {
   void collect_open_columns() {
     for (const LogColumn* column : machine_.columns) {
       if (column->words.quantity == LogQuantity::kUnknown && column->moves() &&
-          !column->counts_rows() && !rises_evenly(column->values)) {
+          !column->counts_rows() && !rises_as_time(column->values)) {
         machine_.open.push_back(column);
       }
     }

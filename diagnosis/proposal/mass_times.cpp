@@ -55,10 +55,9 @@ void doubt_even_rows(const LogRecording& log, double sample_time, ModelProposal&
   const LogColumn* ticks = ticking_column(log);
   if (ticks == nullptr) return;
   const auto [fewest, most] = steps_between_rows(*ticks);
-  const std::string guessed = unit_of_step(0.5 * (fewest + most));
   const std::string option =
       fmt::format("--column '{}=time:{}', with a factor as in 'time:0.125 ms'", ticks->name,
-                  guessed.empty() ? "UNIT" : guessed);
+                  likely_unit_of_step(0.5 * (fewest + most)));
   if (!(sample_time > 0.0)) {
     constexpr double kWritten = 1.0001;
     proposal.questions.back().text +=

@@ -181,7 +181,8 @@ void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
                                     "apart",
                                     time.column, time.unit, time.sample_time)
                               : time.question();
-  question.option = fmt::format("--column '{}=time:ms', say", time.column);
+  const std::string likely = is_doubtful ? "ms" : likely_unit_of_step(time.median_step);
+  question.option = fmt::format("--column '{}=time:{}', say", time.column, likely);
   for (const char* unit : {"s", "ms", "us", "ns"}) {
     question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});
   }

@@ -319,6 +319,21 @@ TEST_F(LogVariants, ATimeThatNobodyNamesIsAskedWithItsUnit) {
   EXPECT_TRUE(says(asked, "'foo' rises by 0.01 a row")) << all_of(asked);
   EXPECT_TRUE(says(asked, "--column 'foo=time:s'")) << all_of(asked);
   EXPECT_TRUE(says(asked, "foo: rises evenly, as a time does")) << all_of(asked);
+  // A logger's pauses: steps of 15 and 60 ms are not even.
+  const ModelProposal uneven = proposed("0,0,2.9\n" + rows_of(400, [](int k, double u, double y) {
+                                          return fmt::format("{:.5g},{:.5g},{:.5g}\n", u, y,
+                                                             3.0 + 0.015 * k + 0.045 * (k / 25));
+                                        }));
+  EXPECT_TRUE(says(uneven, "--column '3=time:s'")) << all_of(uneven);
+  EXPECT_TRUE(says(uneven, "3: rises throughout, as a time does")) << all_of(uneven);
+  EXPECT_FALSE(says(uneven, "rises evenly")) << all_of(uneven);
+  // Ten samples a second are likelier than ten thousand.
+  const ModelProposal tenth =
+      proposed("time,u,speed_rpm\n" + rows_of(400, [](int k, double u, double y) {
+                 return fmt::format("{:.7g},{:.5g},{:.5g}\n", 0.100073 * k, u, y);
+               }));
+  EXPECT_TRUE(says(tenth, "Which unit has 'time'")) << all_of(tenth);
+  EXPECT_TRUE(says(tenth, "--column 'time=time:s', say")) << all_of(tenth);
   const ModelProposal of_labview =
       proposed("X_Value,u,speed_rpm\n" + rows_of(400, [](int k, double u, double y) {
                  return fmt::format("{:.5g},{:.5g},{:.5g}\n", 0.01 * k, u, y);
