@@ -85,4 +85,17 @@ std::optional<EncoderSteps> find_encoder_steps(const Eigen::VectorXd& values) {
   return found;
 }
 
+std::optional<double> counts_of_encoders(double estimate) {
+  constexpr double kSpeed = 1e-3;  // of what a logged speed tells
+  constexpr double kFewest = 40.0;
+  if (!(estimate >= kFewest) || !std::isfinite(estimate)) return {};
+  std::vector<double> counts = usual_counts();
+  const double power = std::pow(10.0, std::floor(std::log10(estimate / 4.0)) - 1.0);
+  counts.push_back(4.0 * power * std::round(estimate / (4.0 * power)));
+  const double nearest =
+      *std::ranges::min_element(counts, {}, [&](double each) { return std::abs(each - estimate); });
+  if (std::abs(nearest - estimate) > kSpeed * estimate) return {};
+  return std::round(nearest);
+}
+
 }  // namespace graybox

@@ -5,6 +5,9 @@
 // times a power of ten are no proof, since numbers are printed so. Nor are up to 16 levels.
 // Cost: O(n log n).
 //
+// Counts a turn that a logged speed tells are off by about a thousandth: speeds are logged in three
+// or four digits, and clocks are as wrong. A number that encoders have is taken within that.
+//
 //   find_encoder_steps(angle)              // {"deg", "360/2048"}
 #pragma once
 
@@ -21,5 +24,9 @@ struct EncoderSteps {
 
 // `values` are finite.
 [[nodiscard]] std::optional<EncoderSteps> find_encoder_steps(const Eigen::VectorXd& values);
+
+// The number of encoders within 0.1 % of an estimate: one of those above, or four times a number of
+// two digits and zeros, as 2400, 1200 and 1320. None where there is none so near.
+[[nodiscard]] std::optional<double> counts_of_encoders(double estimate);
 
 }  // namespace graybox

@@ -585,6 +585,14 @@ class MotionUnitChoice {
     find_wraps(position_, 0.0);
   }
 
+  // What a velocity tells, and the number that encoders have where it is as near as that tells.
+  [[nodiscard]] static std::string words_of_counts(double told, const std::string& velocity) {
+    const std::optional<double> usual = counts_of_encoders(told);
+    if (!usual) return fmt::format("{:.4g} counts a turn, from '{}'", told, velocity);
+    return fmt::format("{:.0f} counts a turn, as encoders have: from '{}' it is {:.5g}", *usual,
+                       velocity, told);
+  }
+
   void take_counts() {
     if (motion() == MotionKind::kLinear && !context_.counts_per_turn) return take_linear_counts();
     double count = context_.counts_per_turn ? kTurn / *context_.counts_per_turn : 0.0;
@@ -592,7 +600,8 @@ class MotionUnitChoice {
     const bool has_speed = velocity_ != nullptr && !velocity_->words.unit.empty() && rates_.fit();
     if (count == 0.0 && has_speed) {
       count = find_unit(velocity_->words.unit)->factor / std::abs(rates_.fit()->factor);
-      why = fmt::format("{:.4g} counts a turn, from '{}'", kTurn / count, velocity_->name);
+      why = words_of_counts(kTurn / count, velocity_->name);
+      if (const auto usual = counts_of_encoders(kTurn / count)) count = kTurn / *usual;
     }
     if (count == 0.0 && velocity_ != nullptr && !rates_.doubts_velocity()) {
       choice_.notes.push_back(

@@ -8,11 +8,13 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/log_columns/position_jitter.hpp"
 #include "diagnosis/log_columns/sign_bit.hpp"
 #include "diagnosis/proposal/proposal.hpp"
@@ -147,6 +149,32 @@ TEST_F(LogMotions, ASignBitIsNoticed) {
   EXPECT_TRUE(says(proposal, "'speed' is not the rate of 'pos': it is not used"));
   EXPECT_TRUE(says(proposal, "'load' jumps as a number does that has bit 10 as its sign"));
   EXPECT_FALSE(says(proposal, "its sign while the axis moves both ways")) << all_of(proposal);
+}
+
+// A speed tells the counts of a turn within a thousandth, and encoders have some numbers only.
+TEST_F(LogMotions, CountsATurnAreThoseOfEncoders) {
+  const Rows rows = rows_of(two_sines, 2000, 0.01);
+  const auto counted = [&](double counts) {
+    const double turn = 2.0 * std::numbers::pi;
+    return proposed(
+        {{"time [s]", rows.time},
+         {"enc [counts]",
+          mapped(rows.position, [&](double q) { return std::round(counts * q / turn); })},
+         {"speed [rpm]", mapped(rows.velocity, [&](double v) { return v * 60.0 / turn; })},
+         {"current [A]", rows.force}});
+  };
+  const ModelProposal near = counted(2401.0);
+  EXPECT_TRUE(says(near, "2400 counts a turn, as encoders have: from 'speed' it is 2"))
+      << all_of(near);
+  EXPECT_NE(near.campaign_text.find("value: 0.0026179939, unit: rad/counts"), std::string::npos)
+      << near.campaign_text;
+  const ModelProposal other = counted(2417.0);  // a gear that is no whole number
+  EXPECT_TRUE(says(other, " counts a turn, from 'speed'")) << all_of(other);
+  for (const double counts : {1200.0, 1320.0, 2048.0, 2400.0, 4096.0, 8192.0, 10000.0, 1048576.0}) {
+    EXPECT_EQ(counts_of_encoders(1.0004 * counts).value_or(0.0), counts);
+    EXPECT_FALSE(counts_of_encoders(1.004 * counts)) << counts;
+  }
+  EXPECT_FALSE(counts_of_encoders(12.0));
 }
 
 // Magnitudes with a sign, numbers above 2^10 without jumps, and a two's complement.
