@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "diagnosis/recording_files/recording_file.hpp"
+#include "diagnosis/recording_files/title_words.hpp"
 #include "diagnosis/signal_faults/sample_statistics.hpp"
 #include "diagnosis/signal_faults/written_bursts.hpp"
 #include "diagnosis/signal_faults/wrong_stamp.hpp"
@@ -564,7 +565,7 @@ std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
   return logs;
 }
 
-// As --column has it; kUnknown for what is none.
+// As --column has it; kUnknown for what is none. A word that makes a title a drive is one, too.
 LogQuantity quantity_named(const std::string& word) {
   constexpr std::array<std::pair<const char*, LogQuantity>, 13> kNames{{
       {"time", LogQuantity::kTime},
@@ -584,7 +585,10 @@ LogQuantity quantity_named(const std::string& word) {
   for (const auto& [name, quantity] : kNames) {
     if (word == name) return quantity;
   }
-  return LogQuantity::kUnknown;
+  if (words_of(word).size() != 1) return LogQuantity::kUnknown;
+  const ColumnWords title = read_column_words(word, "");
+  const bool is_drive = title.sure && title.unit.empty() && drives(title.quantity);
+  return is_drive ? title.quantity : LogQuantity::kUnknown;
 }
 
 }  // namespace
@@ -662,7 +666,8 @@ ColumnAnswer column_answer(const std::string& text) {
   if (answer.quantity == LogQuantity::kUnknown) {
     throw InputError(
         fmt::format("--column {}: unknown quantity '{}'; choose time, position, velocity, "
-                    "acceleration, force, torque, current, voltage, command, goal or ignore",
+                    "acceleration, force, torque, current, voltage, command (pwm, duty), goal or "
+                    "ignore",
                     text, rest));
   }
   const LogQuantity of_unit = quantity_of_unit(answer.unit);

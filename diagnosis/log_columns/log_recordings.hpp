@@ -72,7 +72,8 @@ struct LogRecording {
 // What the user says of columns: NAME=QUANTITY[:UNIT][@JOINT], as in "enc=position:deg" or
 // "u1=torque@joint_1". NAME is a column, an array without its [k], a range "2..7" of a file without
 // header, or a pattern with * and ?. QUANTITY: time, position, velocity, acceleration, force or
-// torque, current, voltage, command, goal, ignore. A goal is the reference of a position servo,
+// torque, current, voltage, command, goal, ignore, or a word that makes a title a drive, as pwm,
+// duty and throttle. A goal is the reference of a position servo,
 // whose drive is then the difference to the position. NAME may have its unit in brackets, or not.
 struct ColumnAnswer {
   std::string names;

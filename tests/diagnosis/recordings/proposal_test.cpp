@@ -316,6 +316,20 @@ TEST(LogTimes, AClockThatBeginsAnewMakesTwoRecordings) {
 TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
   EXPECT_EQ(column_answer("enc=position:deg").unit, "deg");
   EXPECT_EQ(column_answer("u1=torque@joint_1").joint, "joint_1");
+  // The words that make a title a drive.
+  for (const auto& [word, quantity] : {std::pair{"pwm", LogQuantity::kCommand},
+                                       {"duty", LogQuantity::kCommand},
+                                       {"throttle", LogQuantity::kCommand},
+                                       {"command", LogQuantity::kCommand},
+                                       {"voltage", LogQuantity::kVoltage},
+                                       {"current", LogQuantity::kCurrent},
+                                       {"force", LogQuantity::kForce},
+                                       {"torque", LogQuantity::kForce},
+                                       {"effort", LogQuantity::kForce}}) {
+    EXPECT_EQ(column_answer(std::string("4=") + word).quantity, quantity) << word;
+  }
+  EXPECT_EQ(column_answer("4=pwm:%").unit, "%");
+  testing::expect_refused([] { return column_answer("4="); }, "unknown quantity");
   testing::expect_refused([] { return column_answer("enc"); }, "write NAME=QUANTITY");
   testing::expect_refused([] { return column_answer("enc=place"); }, "unknown quantity 'place'");
   testing::expect_refused([] { return column_answer("enc=position:parsec"); }, "unknown unit");
