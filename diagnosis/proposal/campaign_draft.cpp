@@ -242,6 +242,17 @@ std::string files_text(const CampaignDraft& draft, const LogRecording& recording
   return "files: {" + text + "}";
 }
 
+// Whether the experiments of a recording begin behind its first sample, or end before its last.
+bool leaves_out_ends(const CampaignDraft& draft, std::size_t place, const LogRecording& recording) {
+  Eigen::Index first = recording.samples(), last = 0;
+  for (const DraftExperiment& each : draft.experiments) {
+    if (each.recording != place) continue;
+    first = std::min(first, each.first);
+    last = std::max(last, each.last);
+  }
+  return first > 0 || last + 1 < recording.samples();
+}
+
 std::string experiments_text(const CampaignDraft& draft,
                              const std::vector<LogRecording>& recordings,
                              const std::filesystem::path& folder) {
@@ -252,8 +263,9 @@ std::string experiments_text(const CampaignDraft& draft,
     if (!each.is_whole || recording.is_part) {
       text += behind(fmt::format("    segments: [[{}, {}]]", recording.file_row(each.first),
                                  recording.file_row(each.last)),
-                     draft.keeps_standstill || each.is_whole ? "samples, from 0"
-                                                             : "samples that move, from 0");
+                     leaves_out_ends(draft, each.recording, recording)
+                         ? "samples, from 0; standstill at the ends is left out"
+                         : "samples, from 0");
     }
     if (draft.time.every > 1 && draft.decimation == 1) {
       text +=

@@ -54,7 +54,6 @@ struct CampaignDraft {
   std::string low_pass_reason;
   Eigen::Index decimation = 1;  // behind the low-pass
   std::string decimation_reason = "each value is held so long";
-  bool keeps_standstill = false;
   std::string hold = "zero", hold_reason = {};
   std::vector<DraftExperiment> experiments;
   std::vector<std::string> unused;  // "column: why not", for the comment at the end

@@ -58,7 +58,6 @@ class MassCampaign {
     }
     note_gaps();
     note_unused();
-    draft_.keeps_standstill = machine_.request.split != SplitPlan::kMovingHalves;
     draft_.experiments =
         draft_experiments(machine_.recordings, decisive,
                           !machine_.motions.empty() && machine_.motions.front().is_velocity,

@@ -382,6 +382,13 @@ void convert_to_base_units(const Campaign& campaign, const Experiment& experimen
   }
 }
 
+// What samples of uneven times cover: no gap between them, and nothing that resampling left out.
+double time_of_samples(const Signals& data, double sample_time) {
+  Index samples = 0;
+  for (const SignalPiece& piece : data.pieces) samples += piece.time.size();
+  return sample_time * static_cast<double>(samples);
+}
+
 // "position_deg" -> deg, "torque_nm" -> N m; null if the last word is no unit of measurement.
 const Unit* unit_in_name(const std::string& name) {
   static constexpr std::array kSpellings = {std::pair{"deg", "deg"}, std::pair{"rad", "rad"},
@@ -490,6 +497,9 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
     find_late_channels(experiment.name, recording.data, recording.findings);
   }
   preprocess(source, steps.others, recording.data);
+  if (!campaign.sample_time && recording.data.sample_time) {
+    recording.duration = time_of_samples(recording.data, *recording.data.sample_time);
+  }
   for (const std::string& remark : recording.data.remarks) {
     add_warning(recording, "accuracy", fmt::format("{}: {}", experiment.name, remark));
   }

@@ -20,7 +20,8 @@ namespace graybox {
 struct ExperimentRecording {
   Signals data;             // empty pieces if there are errors among the findings
   std::size_t samples = 0;  // in the files
-  double duration = 0.0;    // s, of the pieces, before preprocessing
+  // s, of the pieces: before preprocessing, but of uneven times as they are resampled.
+  double duration = 0.0;
   std::vector<Finding> findings;
   std::map<std::string, SampleFingerprint> fingerprints;  // of outputs, by channel
 

@@ -126,6 +126,21 @@ TEST_F(LogMotions, ADriveThatKeepsUpWithItsRowsIsNotDoubted) {
   }
 }
 
+// What a segment leaves out of a log is said, and nothing where it leaves nothing out.
+TEST_F(LogMotions, WhatSegmentsLeaveOutIsSaid) {
+  const auto campaign_of = [&](double begin, double end) {
+    const Rows rows =
+        rows_of([&](double t) { return t < begin || t > end ? 0.0 : two_sines(t); }, 1500, 0.01);
+    return proposed({{"time [s]", rows.time}, {"angle [rad]", rows.position}, {"tau", rows.force}})
+        .campaign_text;
+  };
+  const std::string cut = campaign_of(2.0, 12.0), whole = campaign_of(0.0, 20.0);
+  EXPECT_NE(cut.find("# samples, from 0; standstill at the ends is left out"), std::string::npos)
+      << cut;
+  EXPECT_NE(whole.find("# samples, from 0\n"), std::string::npos) << whole;
+  EXPECT_EQ(whole.find("standstill"), std::string::npos) << whole;
+}
+
 // ---- a sign in a bit of its own -----------------------------------------------------------------
 
 double in_magnitude(double value, int bit) {

@@ -102,6 +102,21 @@ TEST_F(LogReading, UnwrapsAngles) {
   }));
 }
 
+// A sample before a gap is left out by resampling, and the gap is no time that was recorded.
+TEST_F(LogReading, AGapIsNoTimeThatSamplesCover) {
+  std::string text = "time,q,v,u,state\n0,0,1,12,3\n";
+  for (int k = 0; k < 400; ++k) {
+    const double t = 0.4 + 0.001 * (k + 0.2 * std::sin(2.3 * k));
+    text += fmt::format("{:.7f},{:.7f},{:.7f},{:.7f},3\n", t, 20.0 * t + std::sin(9.0 * t),
+                        0.3 + 0.1 * std::cos(9.0 * t), 12.0 + std::sin(31.0 * t));
+  }
+  testing::write_text(folder_.file("a.csv"), text);
+  const ExperimentRecording run = read("[{kind: resample, sample_time: 0.001}]", "irregular");
+  ASSERT_EQ(run.data.pieces.size(), 1U);
+  EXPECT_EQ(run.samples, 401U);
+  EXPECT_NEAR(run.duration, 0.4, 0.003);
+}
+
 TEST_F(LogReading, SamplesThatAreNotValidCutPieces) {
   const auto by_state = [&](const std::string& step, Index first, Index second) {
     const ExperimentRecording run = read(step);
