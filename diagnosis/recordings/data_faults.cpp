@@ -46,6 +46,10 @@ bool is_measured_position(const Channel& channel) {
   return channel.role == ChannelRole::kOutput && (channel.unit == "rad" || channel.unit == "m");
 }
 
+bool is_measured_velocity(const Channel& channel) {
+  return channel.role == ChannelRole::kOutput && (channel.unit == "rad/s" || channel.unit == "m/s");
+}
+
 // Segments of the piece without rows first to last.
 std::string segments_without(const ChannelSamples& samples, Index first, Index last) {
   const auto number = [&](Index row) {
@@ -240,13 +244,16 @@ std::string spaced(const std::string& unit) {
 }
 
 void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findings) {
-  const std::optional<Quantisation> coarse = find_coarse_quantisation(samples.values);
+  const Channel& channel = *samples.channel;
+  const bool is_motion = is_measured_position(channel) || is_measured_velocity(channel);
+  const std::optional<Quantisation> coarse = find_coarse_quantisation(
+      samples.values, is_motion ? SignalKind::kMeasuredMotion : SignalKind::kAny);
   if (!coarse) return;
   findings.push_back(finding_of(
       samples, 0, "quantisation", coarse->strength,
       fmt::format("and on has steps of {:g}{}: rounding alone is {:.2g} % of its deviation",
                   coarse->step, spaced(samples.channel->recorded_unit), 100.0 * coarse->error),
-      "a command that is given in steps",
+      is_motion ? "a motion in even steps" : "a command that is given in steps",
       "nothing mends that: record more motion or a finer sensor, or state noise"));
 }
 
@@ -255,8 +262,7 @@ void add_quantisation(const ChannelSamples& samples, std::vector<Finding>& findi
 // Nothing is wrong with such a channel: the machine hit something, and no model here has that.
 void add_impacts(const ChannelSamples& samples, std::vector<Finding>& findings) {
   const Channel& channel = *samples.channel;
-  const bool is_velocity = channel.unit == "rad/s" || channel.unit == "m/s";
-  if (channel.role != ChannelRole::kOutput || !is_velocity) return;
+  if (!is_measured_velocity(channel)) return;
   const std::optional<SpeedImpacts> impacts = find_speed_impacts(samples.values);
   if (!impacts) return;
   const std::string more = impacts->count > 1

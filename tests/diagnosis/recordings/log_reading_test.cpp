@@ -117,6 +117,23 @@ TEST_F(LogReading, AGapIsNoTimeThatSamplesCover) {
   EXPECT_NEAR(run.duration, 0.4, 0.003);
 }
 
+TEST_F(LogReading, APositionInFewLevelsIsCoarse) {
+  std::string text = "time,q,v,u,state\n";
+  for (int k = 0; k < 800; ++k) {
+    const double t = 0.001 * k, level = std::round(4.0 - 4.0 * std::cos(17.0 * t));
+    text += fmt::format("{:.3f},{:g},{:.7f},{:g},3\n", t, 20.0 * level, std::sin(17.0 * t), level);
+  }
+  testing::write_text(folder_.file("a.csv"), text);
+  const ExperimentRecording run = read("[]");
+  const auto is_coarse = [&](const std::string& channel) {
+    return std::ranges::any_of(run.findings, [&](const Finding& finding) {
+      return finding.check == "quantisation" && finding.channel == channel;
+    });
+  };
+  EXPECT_TRUE(is_coarse("q"));
+  EXPECT_FALSE(is_coarse("u")) << "a drive may switch";
+}
+
 TEST_F(LogReading, SamplesThatAreNotValidCutPieces) {
   const auto by_state = [&](const std::string& step, Index first, Index second) {
     const ExperimentRecording run = read(step);

@@ -457,6 +457,23 @@ TEST(Quantisation, IsCoarseBesideTheSignalItMeasures) {
   EXPECT_NEAR(coarse->error, 0.2 / std::sqrt(12.0), 0.005);
 }
 
+// A position in nine levels was measured in coarse steps; other signals with as few levels switch.
+// One that flickers between three levels hardly moves.
+TEST(Quantisation, OfAMotionIsTakenByFewLevels) {
+  VectorXd position(800);
+  for (Index k = 0; k < position.size(); ++k) {
+    const double t = 0.01 * static_cast<double>(k);
+    position(k) = 20.0 * std::round(4.0 - 4.0 * std::cos(1.7 * t));
+  }
+  EXPECT_FALSE(find_coarse_quantisation(position));
+  const auto coarse = find_coarse_quantisation(position, SignalKind::kMeasuredMotion);
+  ASSERT_TRUE(coarse);
+  EXPECT_DOUBLE_EQ(coarse->step, 20.0);
+  EXPECT_GT(coarse->error, 0.08);
+  const VectorXd flicker = (position.array() / 80.0).round().matrix();
+  EXPECT_FALSE(find_coarse_quantisation(flicker, SignalKind::kMeasuredMotion));
+}
+
 // ---- held values, lost signs --------------------------------------------------------------------
 
 VectorXd held(const VectorXd& values, Index count, Index first) {
