@@ -42,8 +42,8 @@ struct LogTime {
 // A column that nobody knows and that rises by other steps from row to row, as ticks of a clock do;
 // null where there is none. One that rises evenly comes before others.
 [[nodiscard]] const LogColumn* ticking_column(const LogRecording& recording);
-// Whether numbers only rise, eight of ten steps by half to twice the median: as a clock's, and as no
-// force's. Whether nearly all steps are of about one size, too.
+// Whether numbers only rise, eight of ten steps by half to twice the median: as a clock's do, and
+// no force's. Whether nearly all steps are of about one size, too.
 [[nodiscard]] bool rises_as_time(const Eigen::VectorXd& values);
 [[nodiscard]] bool rises_evenly(const Eigen::VectorXd& values);
 // The unit of a time by the size of its steps; empty where two are as likely.

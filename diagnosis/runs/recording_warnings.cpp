@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "diagnosis/log_columns/column_words.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "problems/base/stop.hpp"
+#include "problems/base/units.hpp"
 
 namespace graybox {
 namespace {
@@ -21,10 +23,20 @@ void keep_first(const Campaign& campaign, std::vector<std::string>& warnings) {
       fmt::format("{} more; 'graybox recordings {}' lists all", more, campaign.file.string()));
 }
 
+// The goal of a position servo, which pulls by a spring: its crests are those of the motion that is
+// wanted, and no end of a drive. Counts are those of a goal where the title says what is wanted.
+bool is_goal(const Channel& channel) {
+  const Unit* recorded = find_unit(channel.recorded_unit);
+  if (recorded == nullptr) return false;
+  if (recorded->base == "rad" || recorded->base == "m") return true;
+  const ColumnWords title = read_column_words(channel.column, "");
+  return recorded->base == "counts" && title.is_reference && !drives(title.quantity);
+}
+
 void note_clipped(const Campaign& campaign, const std::vector<Finding>& findings,
                   std::vector<std::string>& clipped) {
   for (const Channel& channel : campaign.channels) {
-    if (channel.role != ChannelRole::kInput || channel.range) continue;
+    if (channel.role != ChannelRole::kInput || channel.range || is_goal(channel)) continue;
     const bool is_clipped = std::ranges::any_of(findings, [&](const Finding& finding) {
       return finding.check == "clipped" && finding.channel == channel.name;
     });

@@ -12,7 +12,7 @@ namespace graybox {
 struct ExaminedRecordings {
   std::vector<std::string> warnings;  // a dozen at most, and how many more there are
   std::vector<PageFile> files;        // with the samples of those that were read
-  std::vector<std::string> clipped;   // inputs with flat tops, and without a stated range
+  std::vector<std::string> clipped;   // inputs with flat tops, no goals, and without a range
 };
 
 // Clipped, constant or jittering channels, and one recording under two names: a saturated sensor

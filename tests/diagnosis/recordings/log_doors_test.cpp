@@ -21,6 +21,7 @@
 #include "diagnosis/recordings/campaign.hpp"
 #include "diagnosis/recordings/experiment_recording.hpp"
 #include "diagnosis/recordings/signal_checks.hpp"
+#include "diagnosis/runs/recording_warnings.hpp"
 #include "diagnosis/signal_faults/written_bursts.hpp"
 #include "tests/support/proposal_words.hpp"
 #include "tests/support/refusal.hpp"
@@ -348,6 +349,26 @@ TEST_F(LogDoors, AServosGoalDrivesThroughItsSpring) {
   EXPECT_NEAR(other.data.pieces.at(0).values(50, other.index_of("torque")),
               goal(std::lround(other.data.pieces.at(0).time(50) / 0.01)) * std::numbers::pi / 180.0,
               1e-9);
+}
+
+// The flat crests of a goal are wanted; those of a torque may be a drive's end.
+TEST_F(LogDoors, AGoalDoesNotSaturate) {
+  const DoorAxis m = door_axis(1500, 0.01);
+  const VectorXd flat = (90.0 * m.force.array()).min(40.0).max(-40.0).matrix();
+  const auto clipped = [&](const std::string& column, const std::string& unit) {
+    testing::write_text(folder_.file("log.csv"), table_of({{"q", m.position}, {column, flat}}));
+    testing::write_text(folder_.file("campaign.yaml"),
+                        fmt::format("format: graybox-campaign/1\nsample_time: 0.01\nchannels:\n"
+                                    "  - {{name: q, unit: rad, is: output}}\n"
+                                    "  - {{name: torque, column: {}, unit: {}, is: input}}\n"
+                                    "experiments: [{{file: log.csv}}]\n",
+                                    column, unit));
+    return examine_recordings(read_campaign(folder_.file("campaign.yaml"))).clipped;
+  };
+  EXPECT_EQ(clipped("drive", "N m"), std::vector<std::string>{"torque"});
+  EXPECT_TRUE(clipped("wanted", "deg, gain: {value: 0.1, unit: N m/deg}").empty());
+  EXPECT_TRUE(clipped("goal", "counts, gain: {value: 0.1, unit: N m/counts}").empty());
+  EXPECT_EQ(clipped("dac", "counts, gain: {value: 0.1, unit: N m/counts}").size(), 1U);
 }
 
 // Counts are those of the position; what is no position is no goal.
