@@ -314,7 +314,8 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
     why += fmt::format(
         "{}{} of {} rows are samples: the others {}", why.empty() ? "" : "; ", kept, all,
         recording.burst > 0.0
-            ? fmt::format("follow one within {:.3g} of '{}'", recording.burst, clock->name)
+            ? fmt::format("follow one within {:.3g} {} of '{}'", recording.burst,
+                          clock->words.unit.empty() ? "units" : clock->words.unit, clock->name)
             : fmt::format("repeat the '{}' of one", clock->name));
   }
   if (kept < kFewestSamples) {

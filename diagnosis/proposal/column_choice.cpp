@@ -67,10 +67,19 @@ bool are_copies(const std::vector<const LogColumn*>& columns) {
   });
 }
 
+// Whether a word of the title says by itself what the column is: "command", not "u".
+bool is_told_by_word(const LogColumn& column) {
+  constexpr std::size_t kLetters = 2;  // "t", "ts"
+  return std::ranges::any_of(words_of(column.name), [&](const std::string& word) {
+    return word.size() > kLetters && read_column_words(word, "").quantity == column.words.quantity;
+  });
+}
+
 std::string reason_of(const LogColumn& column, std::size_t of) {
   if (column.answered) return "you said so";
   if (!column.evidence.empty()) return column.evidence;
-  std::string reason = column.words.sure ? "its title" : "a letter that usually means that";
+  const bool is_title = column.words.sure || is_told_by_word(column);
+  std::string reason = is_title ? "its title" : "a letter that usually means that";
   if (of > 1 && column.words.is_measured) reason += ", which says measured";
   return reason;
 }
@@ -405,7 +414,9 @@ OpenQuestion question_of_no_drive(const std::vector<const LogColumn*>& columns) 
 std::string still_columns(const std::vector<const LogColumn*>& columns) {
   std::string names;
   for (const LogColumn* column : columns) {
-    if (column->moves()) continue;
+    const LogQuantity quantity = column->words.quantity;
+    const bool is_motion = quantity == LogQuantity::kPosition || quantity == LogQuantity::kVelocity;
+    if (column->moves() || is_motion) continue;
     names += fmt::format("{}'{}'", names.empty() ? "" : ", ", column->name);
   }
   return names.empty() ? names : fmt::format(" (constant here: {})", names);

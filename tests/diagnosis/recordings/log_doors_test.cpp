@@ -184,6 +184,7 @@ TEST_F(LogDoors, RowsWrittenAgainAreOneSample) {
                                                       {"position [rad]", burst.position},
                                                       {"torque [N m]", burst.force}}));
     EXPECT_TRUE(says(proposal, "400 of 2800 rows are samples")) << all_of(proposal);
+    EXPECT_EQ(says(proposal, " s of 'time'"), within > 0.0) << all_of(proposal);
     EXPECT_TRUE(says(proposal, within > 0.0 ? "the others follow one within"
                                             : "the others repeat the 'time' of one"))
         << all_of(proposal);

@@ -141,6 +141,30 @@ TEST_F(LogMotions, WhatSegmentsLeaveOutIsSaid) {
   EXPECT_EQ(whole.find("standstill"), std::string::npos) << whole;
 }
 
+// A word is a title that says what a column is; a letter usually means it.
+TEST_F(LogMotions, WordsAreNoLetters) {
+  const Rows rows = rows_of(two_sines, 600, 0.01);
+  const auto drive_of = [&](const std::string& title) {
+    return value_of(
+        proposed({{"time [s]", rows.time}, {"angle [rad]", rows.position}, {title, rows.force}}),
+        "drive");
+  };
+  EXPECT_EQ(drive_of("command"), "'command'; its title");
+  EXPECT_EQ(drive_of("u"), "'u'; a letter that usually means that");
+}
+
+// What its title calls a position or a velocity does not drive, though it stands still.
+TEST_F(LogMotions, StillMotionsAreNoDrives) {
+  const Rows rows = rows_of(two_sines, 600, 0.01);
+  const auto still = [&](double value) { return Values(rows.time.size(), value); };
+  const ModelProposal proposal = proposed({{"time [s]", rows.time},
+                                           {"insertion/position", still(60004.0)},
+                                           {"pitch/velocity", still(1.0)},
+                                           {"roll_effort", still(0.0)},
+                                           {"roll_position [deg]", rows.position}});
+  EXPECT_TRUE(says(proposal, "(constant here: 'roll_effort')")) << all_of(proposal);
+}
+
 // ---- a sign in a bit of its own -----------------------------------------------------------------
 
 double in_magnitude(double value, int bit) {
