@@ -156,6 +156,14 @@ std::vector<RecordedColumn> columns_in_comments(std::string_view last, std::stri
   return names.size() == count ? columns : std::vector<RecordedColumn>{};
 }
 
+// The lines that hold a word.
+struct WordLines {
+  std::string word;
+  std::size_t first = 0, last = 0;
+};
+
+constexpr std::size_t kMostNames = 8;  // of machines in one column
+
 // What a column has held so far: numbers or time stamps.
 struct ColumnContent {
   StampColumn stamps;
@@ -163,6 +171,7 @@ struct ColumnContent {
   std::size_t numbers = 0, words = 0;  // fields
   std::size_t line = 0;                // of the first word
   std::string word;
+  std::vector<WordLines> different;  // words, one more than kMostNames at most
 };
 
 // What programs write in place of a number: R, Python, Excel, and C on Windows.
@@ -174,6 +183,19 @@ bool says_missing(std::string_view field) {
   }
   if (field.starts_with('-')) field.remove_prefix(1);
   return field.starts_with("1.#");  // "1.#QNAN"
+}
+
+void note_word(std::string_view word, std::size_t line, ColumnContent& content) {
+  if (content.words++ == 0) {
+    content.line = line;
+    content.word = word;
+  }
+  const auto known = std::ranges::find(content.different, word, &WordLines::word);
+  if (known != content.different.end()) {
+    known->last = line;
+  } else if (content.different.size() <= kMostNames) {
+    content.different.push_back({std::string(word), line, line});
+  }
 }
 
 // A field that is empty or says so is a sample that is not there.
@@ -196,11 +218,47 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
         fmt::format("{}: line {}, column '{}': '{}' is no time stamp like the first, {}", path,
                     line, column, shortened(std::string(field), kShownOfField), stamps.first()));
   }
-  if (content.words++ == 0) {
-    content.line = line;
-    content.word = field;
-  }
+  note_word(field, line, content);
   return kNone;
+}
+
+// "M1", "M2", or left and right: no states, as ON and OFF are.
+bool are_numbered_names(const std::vector<WordLines>& words) {
+  static constexpr std::string_view kDigits = "0123456789";
+  const auto stem = [](const WordLines& each) {
+    return each.word.substr(0, each.word.find_last_not_of(kDigits) + 1);
+  };
+  const bool are_numbered = std::ranges::all_of(words, [&](const WordLines& each) {
+    return stem(each) == stem(words.front()) && stem(each) != each.word;
+  });
+  return are_numbered || std::ranges::all_of(words, [](const WordLines& each) {
+           const std::vector<std::string> side = words_of(each.word);
+           return side.size() == 1 && (side[0] == "left" || side[0] == "right");
+         });
+}
+
+// Of a column that is left out and that names machines: rows of several are one recording then, and
+// the user must know. Empty for any other column.
+std::string words_of_machines(const std::string& column, const ColumnContent& content) {
+  static constexpr auto kMachines = std::to_array<std::string_view>(
+      {"motor", "axis", "joint", "wheel", "drive", "actuator", "servo", "machine", "device", "side",
+       "id", "name", "achse", "antrieb", "gelenk"});
+  const std::vector<std::string> title = words_of(column);
+  const bool names_machines = std::ranges::all_of(title, [](const std::string& word) {
+    return std::ranges::find(kMachines, word) != kMachines.end();
+  });
+  const std::size_t count = content.different.size();
+  if (!names_machines || count < 2 || count > kMostNames) return "";
+  if (!are_numbered_names(content.different)) return "";
+  std::string lines;
+  for (const WordLines& each : content.different) {
+    lines += fmt::format("{}'{}' in lines {} to {}", lines.empty() ? "" : ", ",
+                         shortened(each.word, kShownOfField), each.first, each.last);
+  }
+  return fmt::format(
+      "; it names {} machines, {}: all rows are taken as one machine's. Put the lines of one of "
+      "them into a file by itself, below the titles, and give that",
+      count, lines);
 }
 
 // Columns of words, as the states of a drive, or of numbers to another base: left out. A word among
@@ -221,9 +279,9 @@ void leave_out_words(std::vector<ColumnContent>& contents, RecordingFile& file) 
     if (content.words <= content.numbers || has_comma || !has_samples) {
       (void)number_in_table(file.path, content.line, column, content.word);  // throws
     }
-    file.remarks.push_back(
-        fmt::format("{}: column {} holds words as '{}', no numbers, so it is left out", file.path,
-                    column, shortened(content.word, kShownOfField)));
+    file.remarks.push_back(fmt::format(
+        "{}: column {} holds words as '{}', no numbers, so it is left out{}", file.path, column,
+        shortened(content.word, kShownOfField), words_of_machines(file.columns[k].name, content)));
     file.left_out.push_back(file.columns[k].name);
     contents.erase(contents.begin() + static_cast<std::ptrdiff_t>(k));
     file.columns.erase(file.columns.begin() + static_cast<std::ptrdiff_t>(k));

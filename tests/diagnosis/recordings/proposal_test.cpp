@@ -400,6 +400,28 @@ TEST(LogRecordings, ABannerAboveTheNumbersIsPassedOver) {
   EXPECT_EQ(read("t u v\n0\t1\t2\n1\t2\t3\n").columns[2].name, "v");
 }
 
+// Rows of two motors, by a column that names them, are no silent mix; states are no machines.
+TEST(LogRecordings, RowsOfSeveralMachinesAreTold) {
+  const testing::TemporaryFolder folder;
+  const auto remark = [&](const std::string& title, const std::string& second) {
+    std::string text = "time," + title + ",pwm,speed\n";
+    for (int k = 0; k < 120; ++k) {
+      text += fmt::format("{:.2f},{},10,{}\n", 0.1 * (k % 60), k < 60 ? "M1" : second, k);
+    }
+    testing::write_text(folder.file("log.csv"), text);
+    const RecordingFile file = read_recording_file(folder.file("log.csv"));
+    return file.remarks.empty() ? "" : file.remarks.front();
+  };
+  const std::string two = remark("motor", "M2");
+  EXPECT_NE(two.find("it names 2 machines, 'M1' in lines 2 to 61, 'M2' in lines 62 to 121"),
+            std::string::npos)
+      << two;
+  EXPECT_NE(two.find("all rows are taken as one machine's"), std::string::npos) << two;
+  EXPECT_EQ(remark("motor", "M1").find("machines"), std::string::npos);
+  EXPECT_EQ(remark("motor", "OFF").find("machines"), std::string::npos);
+  EXPECT_EQ(remark("motor_state", "M2").find("machines"), std::string::npos);
+}
+
 // Lines above the header, and units that graybox does not know below it.
 TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   const testing::TemporaryFolder folder;
