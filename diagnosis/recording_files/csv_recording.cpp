@@ -242,11 +242,15 @@ bool are_numbered_names(const std::vector<WordLines>& words) {
 std::string words_of_machines(const std::string& column, const ColumnContent& content) {
   static constexpr auto kMachines = std::to_array<std::string_view>(
       {"motor", "axis", "joint", "wheel", "drive", "actuator", "servo", "machine", "device", "side",
-       "id", "name", "achse", "antrieb", "gelenk"});
-  const std::vector<std::string> title = words_of(column);
-  const bool names_machines = std::ranges::all_of(title, [](const std::string& word) {
+       "achse", "antrieb", "gelenk"});
+  const auto is_machine = [](const std::string& word) {
     return std::ranges::find(kMachines, word) != kMachines.end();
-  });
+  };
+  const std::vector<std::string> title = words_of(column);
+  const bool names_machines = std::ranges::any_of(title, is_machine) &&
+                              std::ranges::all_of(title, [&](const std::string& word) {
+                                return is_machine(word) || word == "id" || word == "name";
+                              });
   const std::size_t count = content.different.size();
   if (!names_machines || count < 2 || count > kMostNames) return "";
   if (!are_numbered_names(content.different)) return "";
