@@ -421,7 +421,9 @@ std::size_t place_below_banner(const std::string& path, const TableLines& lines)
   const std::string& row = head.back().text;
   FieldSplitter of_rows(row), of_words("");
   const std::size_t count = of_rows.split(row).size();
-  if (count < 2 || row.find_first_of(";,") == std::string::npos) return 0;
+  const std::size_t end = row.find_last_not_of(";,\t ");  // a sign there separates nothing
+  const bool has_signs = row.find_first_of(";,") < end;
+  if (count < 2 || !has_signs) return 0;
   bool has_words = false;
   for (std::size_t k = 0; k + 1 < head.size(); ++k) {
     if (head[k].text.find_first_of(";,\t") != std::string::npos) return 0;

@@ -396,7 +396,8 @@ TEST(LogRecordings, ABannerAboveTheNumbersIsPassedOver) {
   refused("speed of motor\n1,25\n2,5\n", "delete line 1");  // decimal commas
   refused("SWV Console Port: 0\n0.1 2 3\n0.2 3 4\n", "nor a row: delete line 1");
   refused("t\n0,1\n1,2\n", "write a decimal point");
-  // Titles that blanks separate, above tabs.
+  // Titles that blanks separate, above tabs, and above blanks with a sign behind the last field.
+  EXPECT_EQ(read("t u v\n0 1 2;\n1 2 3;\n").columns[2].name, "v");
   EXPECT_EQ(read("t u v\n0\t1\t2\n1\t2\t3\n").columns[2].name, "v");
 }
 
