@@ -104,7 +104,7 @@ TEST_F(LogReading, UnwrapsAngles) {
 
 // A sample before a gap is left out by resampling, and the gap is no time that was recorded.
 TEST_F(LogReading, AGapIsNoTimeThatSamplesCover) {
-  std::string text = "time,q,v,u,state\n0,0,1,12,3\n";
+  std::string text = "time,q,v,u,state\n0,7.5575,0.2103,11.83,3\n";
   for (int k = 0; k < 400; ++k) {
     const double t = 0.4 + 0.001 * (k + 0.2 * std::sin(2.3 * k));
     text += fmt::format("{:.7f},{:.7f},{:.7f},{:.7f},3\n", t, 20.0 * t + std::sin(9.0 * t),
