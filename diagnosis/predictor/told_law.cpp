@@ -85,10 +85,13 @@ bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law) {
 
 namespace {
 
-// Exactly zero, as counts of an encoder are that stands still; noise about an offset is not.
+// Zero twice but for the rounding of a resampling, as counts of an encoder are that stands still;
+// noise about an offset is not.
 bool rests_at_zero(const VectorXd& readings) {
+  constexpr double kRounding = 1e-6;  // of the largest
+  const double zero = kRounding * readings.cwiseAbs().maxCoeff();
   for (Index k = 1; k < readings.size(); ++k) {
-    if (readings(k - 1) == 0.0 && readings(k) == 0.0) return true;
+    if (std::abs(readings(k - 1)) <= zero && std::abs(readings(k)) <= zero) return true;
   }
   return false;
 }
@@ -105,10 +108,13 @@ bool contradicts_its_zero(const PredictionFit& fit, const PlacedFinding& law,
   if (fit.model.model.outputs[static_cast<std::size_t>(channel)].quantity != kVelocity)
     return false;
   double largest = 0.0;
+  int from_zero = 0;  // recordings; a resampling keeps but the first of two zeros
   for (const OutputErrorRecording& recording : data.recordings()) {
     const VectorXd readings = recording.outputs.col(channel);
-    if (rests_at_zero(readings)) return true;
-    if (readings.size() > 0) largest = std::max(largest, readings.cwiseAbs().maxCoeff());
+    if (readings.size() == 0) continue;
+    if (readings(0) == 0.0) ++from_zero;
+    if (rests_at_zero(readings) || from_zero > 1) return true;
+    largest = std::max(largest, readings.cwiseAbs().maxCoeff());
   }
   return std::abs(part.parameters[0]) > kFarOff * largest;
 }

@@ -39,7 +39,7 @@ struct ToldSize {
 [[nodiscard]] bool turns_its_drive(const PredictionFit& fit, const PlacedFinding& law);
 
 // A speed's sensor that is said to be off from zero, though it reads exactly zero two samples in a
-// row, or by more than a tenth of all that it ever read. No tachometer is.
+// row or where two recordings begin; or by more than a tenth of all that it ever read.
 [[nodiscard]] bool contradicts_its_zero(const PredictionFit& fit, const PlacedFinding& law,
                                         const PredictionData& data);
 
