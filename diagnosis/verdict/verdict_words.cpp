@@ -211,6 +211,8 @@ std::string evidence_words(double difference, bool noise_is_known) {
   const double errors = std::sqrt(std::abs(difference));
   constexpr double kCounted =
       1000.0;  // beyond, blocks could not be predicted at all or all gain alike
+  constexpr double kShown = 0.05;
+  if (errors < kShown) return "prediction as good";
   if (!(errors < kCounted)) return fmt::format("prediction far {}", way);
   return fmt::format("prediction {} by {:.2g} standard errors", way, errors);
 }
