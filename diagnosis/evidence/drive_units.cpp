@@ -73,6 +73,7 @@ class Renaming {
     (*this)(rejected.reason);
   }
   void operator()(VerdictReason& reason) const {
+    (*this)(reason.test);
     (*this)(reason.not_tested);
     (*this)(reason.next);
   }

@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "diagnosis/evidence/number_words.hpp"
+
 namespace graybox {
 namespace {
 
@@ -30,8 +32,8 @@ Course course_in_words(const LawTrend& trend, double value) {
   const auto words = [&](double end, bool is_smaller) {
     if (changes_sign && is_smaller) return std::string(kNone);
     const double times = std::abs(end) / std::max(std::abs(value), 1e-300);
-    return times > kDrawnOut && times < 1.0 / kNearZero ? fmt::format("more than {:.3g}", value)
-                                                        : fmt::format("about {:.3g}", end);
+    return times > kDrawnOut && times < 1.0 / kNearZero ? "more than " + three_digits(value)
+                                                        : "about " + three_digits(end);
   };
   Course course;
   course.from = words(trend.from, is_from_smaller);

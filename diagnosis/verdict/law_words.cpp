@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "diagnosis/evidence/number_words.hpp"
+
 namespace graybox {
 namespace {
 
@@ -117,8 +119,9 @@ std::string gravity_words(const Hypothesis& hypothesis, const FittedLaw& law) {
   const LawParameterEstimate *sine = parameter(law, "sine"), *cosine = parameter(law, "cosine");
   if (sine == nullptr || cosine == nullptr) return "";
   const double most = std::hypot(sine->value, cosine->value);
-  const std::string words = fmt::format("{:.3g} {} at most, where it stands at {:.3g} rad", most,
-                                        sine->unit, std::atan2(sine->value, cosine->value));
+  const std::string words =
+      fmt::format("{} {} at most, where it stands at {:.3g} rad", three_digits(most), sine->unit,
+                  std::atan2(sine->value, cosine->value));
   if (!is_with_load(hypothesis.place)) return "lifts a weight: " + words;
   constexpr double kGravity = 9.81;
   return fmt::format(
@@ -132,16 +135,17 @@ std::string inertia_words(const Hypothesis& hypothesis, const FittedLaw& law) {
   if (!is_with_load(hypothesis.place) || law.parameters.empty()) return "";
   const LawParameterEstimate& inertia = law.parameters.front();
   if (inertia.value < 0.0) return "";
-  return fmt::format("carries the load's inertia: {:.3g} {}", inertia.value, inertia.unit);
+  return fmt::format("carries the load's inertia: {} {}", three_digits(inertia.value),
+                     inertia.unit);
 }
 
 // A damping for each direction, of which the model has a part already: so one may be negative.
 std::string direction_words(const LawParameterEstimate& forward,
                             const LawParameterEstimate& backward) {
   const double more = forward.value - backward.value;
-  return fmt::format("moves harder {} than {}, by {:.3g} {} of viscous friction",
+  return fmt::format("moves harder {} than {}, by {} {} of viscous friction",
                      more > 0.0 ? "forward" : "backward", more > 0.0 ? "backward" : "forward",
-                     std::abs(more), forward.unit);
+                     three_digits(std::abs(more)), forward.unit);
 }
 
 // What the numbers say in place of the law's usual words; empty: those.

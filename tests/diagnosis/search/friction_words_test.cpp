@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "diagnosis/evidence/number_words.hpp"
+
 namespace graybox {
 namespace {
 
@@ -71,6 +73,14 @@ TEST(DriveUnits, TakeThePlaceOfNewtonMetres) {
   EXPECT_EQ(in("Nothing of 'N m' in NAME, in log_N or in kgf"),
             "Nothing of 'N m' in NAME, in log_N or in kgf");
   EXPECT_EQ(in_drive_unit(std::string("3 N m"), ""), "3 N m");
+}
+
+TEST(NumberWords, HaveNoPowersOfTenBelowAMillion) {
+  EXPECT_EQ(three_digits(1212.3), "1210");
+  EXPECT_EQ(three_digits(-99960.0), "-100000");
+  EXPECT_EQ(three_digits(999.7), "1000");
+  EXPECT_EQ(three_digits(0.01234), "0.0123");
+  EXPECT_EQ(three_digits(2.5e7), "2.5e+07");
 }
 
 TEST_F(FrictionWords, HaveNoPowersOfTen) {
