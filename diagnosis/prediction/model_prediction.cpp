@@ -134,7 +134,7 @@ std::string words_of_measure(const ModelPrediction& prediction) {
   }
   return words +
          "; the first samples only tell the state and are not counted (in free run 200, at "
-         "most half; 10 of a short recording that begins at rest)";
+         "most half; those at rest where a short recording begins so)";
 }
 
 std::string prediction_page(const ModelPrediction& prediction, const std::string& model,

@@ -20,8 +20,8 @@ namespace graybox {
                                             const OutputErrorRecording& recording);
 
 // Samples with which a recording of one mass begins at rest; 0: it does not, or goes on where a
-// part before ends. At rest its speed reads exactly zero, or its position twice the same. A counter
-// that was just switched on reads zero, and goes on by a twentieth of its rms step or less.
+// part before ends. At rest its speed reads exactly zero, or its position four times the same. A
+// counter that was just switched on reads zero, and goes on by a twentieth of its rms step or less.
 [[nodiscard]] Eigen::Index samples_at_rest(const LumpedModel& model,
                                            const OutputErrorRecording& recording);
 

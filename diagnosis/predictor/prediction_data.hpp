@@ -72,8 +72,9 @@ struct SampleLimit {
 
 // Recorded samples from which the state is told before a recording runs free: at most half of it.
 inline constexpr Eigen::Index kSeenBeforeFreeRun = 200;
-// Likewise of a recording of fewer than kShortRecording samples that begins at rest.
-inline constexpr Eigen::Index kSeenAtRest = 10, kShortRecording = 2000;
+// Likewise of a recording of fewer than kShortRecording samples that begins at rest: those at rest,
+// or so many.
+inline constexpr Eigen::Index kSeenAtRest = 2, kShortRecording = 2000;
 
 class PredictionData {
  public:
