@@ -46,16 +46,27 @@ Index samples_at_start(const VectorXd& drive) {
   return count;
 }
 
+double rms_of(const VectorXd& speed) {
+  return std::sqrt(speed.squaredNorm() / static_cast<double>(speed.size()));
+}
+
+// The first of so many samples at which it goes; none: it does not.
+std::optional<Index> goes_at(const VectorXd& speed, Index samples) {
+  const double goes = kGoes * rms_of(speed);
+  const Index count = std::min(samples, speed.size());
+  for (Index k = 0; k < count; ++k) {
+    if (std::abs(speed(k)) >= goes) return k;
+  }
+  return {};
+}
+
 // Whether it goes from rest while the drive stays, and the later, the faster: half-way to that
 // speed in time it has less than an even acceleration would give.
 bool gets_going_late(const VectorXd& speed, Index samples) {
-  const double rms = std::sqrt(speed.squaredNorm() / static_cast<double>(speed.size()));
-  if (!(std::abs(speed.head(2).mean()) <= kRests * rms)) return false;
-  const Index count = std::min(samples, speed.size());
-  Index goes = 0;
-  while (goes < count && std::abs(speed(goes)) < kGoes * rms) ++goes;
-  if (goes == count || goes < kFewest) return false;
-  return std::abs(speed(goes / 2)) <= kLate * std::abs(speed(goes));
+  if (!(std::abs(speed.head(2).mean()) <= kRests * rms_of(speed))) return false;
+  const std::optional<Index> goes = goes_at(speed, samples);
+  if (!goes || *goes < kFewest) return false;
+  return std::abs(speed(*goes / 2)) <= kLate * std::abs(speed(*goes));
 }
 
 }  // namespace
@@ -66,12 +77,14 @@ VectorXd drives_before(const LumpedModel& model, const OutputErrorRecording& rec
   if (has_spring(model) || !is_measured) return before;
   const std::optional<VectorXd> speed = measured_speed(model, recording);
   if (!speed) return before;
+  const bool rests = samples_at_rest(model, recording) > 0;
   for (std::size_t j = 0; j < model.inputs.size(); ++j) {
     if (model.inputs[j].kind != LumpedInput::Kind::kForce) continue;
     const VectorXd drive = recording.inputs.col(static_cast<Index>(j));
     const bool is_large = std::abs(drive(0)) > kLarge * drive.cwiseAbs().maxCoeff();
-    if (is_large && gets_going_late(*speed, samples_at_start(drive)))
-      before(static_cast<Index>(j)) = 0.0;
+    const Index stays = samples_at_start(drive);
+    const bool begins = rests ? goes_at(*speed, stays).has_value() : gets_going_late(*speed, stays);
+    if (is_large && begins) before(static_cast<Index>(j)) = 0.0;
   }
   return before;
 }
@@ -81,8 +94,7 @@ Index samples_at_rest(const LumpedModel& model, const OutputErrorRecording& reco
   if (!is_one_mass || recording.past_inputs.rows() > 0 || recording.outputs.rows() < 3) return 0;
   const std::optional<VectorXd> speed = measured_speed(model, recording);
   if (!speed) return 0;
-  const double rms = std::sqrt(speed->squaredNorm() / static_cast<double>(speed->size()));
-  const double still = kRests * rms;
+  const double still = kRests * rms_of(*speed);
   const bool is_position = model.outputs.front().quantity == LumpedOutput::Quantity::kPosition;
   const bool is_zeroed = recording.outputs(0, 0) == 0.0 && std::abs((*speed)(0)) <= still;
   // A coarse position reads the same twice in slow motion, too.

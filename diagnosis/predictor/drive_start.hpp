@@ -11,7 +11,8 @@
 namespace graybox {
 
 // By input. A force that stays at its first value, while the machine at rest gets going late, was
-// zero before. Any other input was what its first sample says. So were all inputs of a model with
+// zero before; so it was where the recording reads rest (samples_at_rest) and it gets going at all.
+// Any other input was what its first sample says. So were all inputs of a model with
 // springs or weights, which hold a machine at rest against a force.
 // Goes: from a twentieth of the rms speed or less to a third of it. Late: half of that time brings
 // at most 0.42 of that speed (an even acceleration brings a half, a lag a quarter, a delay less),

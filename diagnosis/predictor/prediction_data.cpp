@@ -40,6 +40,11 @@ Index seen_before(Index horizon, Index samples) {
   return std::max(std::clamp(horizon / 3, fewest, kMostSeen), std::min(kMostSeen, samples / 10));
 }
 
+// A rest tells the state by itself.
+Index seen_at_start(Index rests, Index usual) {
+  return rests > 0 ? std::min(usual, std::max(rests, kSeenAtRest)) : usual;
+}
+
 // Largest slope of a stated law's force over the deflection within +-`reach`, at rest.
 double largest_slope(const Element& part, double reach) {
   constexpr int kSteps = 400;
@@ -501,9 +506,7 @@ PredictionTask PredictionData::free_after_start(ExperimentRole role) const {
   PredictionTask task = windows(0, role);
   for (PredictionRun& run : task.runs) {
     task.horizon = std::max(task.horizon, run.samples);
-    const Index rests = rests_at_start_[run.recording];
-    const Index first = rests > 0 ? std::min(seen, std::max(rests, kSeenAtRest)) : seen;
-    run.first = std::min(first, run.samples / 2);
+    run.first = std::min(seen_at_start(rests_at_start_[run.recording], seen), run.samples / 2);
     run.horizon = run.samples - run.first;
   }
   return task;
@@ -515,7 +518,7 @@ PredictionTask PredictionData::windows(Index horizon, ExperimentRole role) const
     if (recording(r).role != role) continue;
     PredictionRun run{r, recording(r).time.size(), 0, 0, {}};
     if (horizon > 0) {
-      run.first = seen_before(horizon, run.samples);
+      run.first = seen_at_start(rests_at_start_[r], seen_before(horizon, run.samples));
       run.horizon = horizon;
       mark_standing(standing_[r], run);
     }

@@ -65,15 +65,23 @@ TEST(DriveStart, ALogThatBeginsWithTheCommandHadNoneBefore) {
   EXPECT_EQ(drives_before(motor_with(""), recording(0.0, -30.0))(0), 0.0);
 }
 
-TEST(DriveStart, AMachineThatTurnsStaysOrGoesAtOnceHadTheFirstCommand) {
+TEST(DriveStart, AMachineThatTurnsOrStaysHadTheFirstCommand) {
   EXPECT_EQ(drives_before(motor_with(""), recording(30.0, 30.0))(0), kTorque);
   EXPECT_EQ(drives_before(motor_with(""), recording(25.0, 30.0))(0), kTorque);
   EXPECT_EQ(drives_before(motor_with(kSpring), recording(0.0, 30.0))(0), kTorque);
-  EXPECT_EQ(drives_before(motor_with(""), recording(0.0, 30.0, false, 0.0))(0), kTorque);
+  OutputErrorRecording noisy = recording(0.0, 30.0, false, 0.0);
+  noisy.outputs(0, 0) += 0.1;  // it goes at once, and its sensor does not say that it stood
+  EXPECT_EQ(drives_before(motor_with(""), noisy)(0), kTorque);
   OutputErrorRecording changes = recording(0.0, 30.0);
   for (Index k = 0; k < kSamples; ++k)
     changes.inputs(k, 0) = std::cos(0.5 * static_cast<double>(k));
   EXPECT_EQ(drives_before(motor_with(""), changes)(0), 1.0);
+}
+
+// What reads exactly zero stood, and a command that moves it at once was not there before.
+TEST(DriveStart, AMachineThatReadsRestHadNoCommandBefore) {
+  EXPECT_EQ(drives_before(motor_with(""), recording(0.0, 30.0, false, 0.0))(0), 0.0);
+  EXPECT_EQ(drives_before(motor_with(kSpring), recording(0.0, 30.0, false, 0.0))(0), kTorque);
 }
 
 // At rest speeds read zero and positions the same; a counter begins at zero. What turns is no rest.
