@@ -753,7 +753,8 @@ TEST_F(RigidRobot, LocksJointsWhereTheyStand) {
                       urdf(R"(type="revolute"><origin xyz="0.7 0 0"/><axis xyz="0 2 0"/>
            <limit lower="-1" upper="1" effort="1" velocity="1"/>)",
                            R"(type="prismatic"><mimic joint="elbow" multiplier="0.5" offset="0.02"/>
-           <origin xyz="0.1 0 0"/><axis xyz="0 0 1"/>)"));
+           <origin xyz="0.1 0 0"/><axis xyz="0 0 1"/>
+           <limit lower="-1" upper="1" effort="1" velocity="1"/>)"));
   testing::write_text(folder_.file("fixed.urdf"),
                       urdf(R"(type="fixed"><origin xyz="0.7 0 0" rpy="0 0.4 0"/>)",
                            R"(type="fixed"><origin xyz="0.1 0 0.22"/>)"));
