@@ -483,8 +483,11 @@ TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   EXPECT_EQ(read("time,angle,current\nms,Nm,furlong\n").columns[2].unit, "furlong");
   EXPECT_EQ(read("time,angle,current\n0,#N/A,\n").columns[0].values.size(), 61);
   EXPECT_EQ(read("").columns[0].name, "1");
-  // A title that can't be told from a header is refused with what to do.
-  testing::expect_refused([&] { read("Recorder v3\ntime\n"); }, "delete what stands above");
+  // Words without a separator are no titles of three columns.
+  const RecordingFile untitled = read("Recorder v3\ntime\n");
+  EXPECT_EQ(untitled.columns[0].name, "1");
+  ASSERT_EQ(untitled.remarks.size(), 1U);
+  EXPECT_NE(untitled.remarks[0].find("is left out"), std::string::npos) << untitled.remarks[0];
   testing::write_text(folder.file("log.csv"), "time;angle\n0,1;0.2\n0,2;0.3\n");
   testing::expect_refused([&] { (void)read_recording_file(folder.file("log.csv")); },
                           "write a decimal point");
