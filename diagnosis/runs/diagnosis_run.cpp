@@ -95,7 +95,10 @@ DiagnosisAnswer run_diagnosis(DiagnosisRequest request) {
   const DiagnosedFiles files{request.model, campaign.file.string(), answer.warnings};
   answer.verdict = verdict_json(answer.diagnosis, answer.hypotheses(), files);
   answer.verdict["method"] = answer.method;
-  if (!answer.drive_unit.empty()) answer.verdict["drive_unit"] = answer.drive_unit;
+  if (!answer.drive_unit.empty()) {
+    answer.verdict["drive_unit"] = answer.drive_unit;
+    answer.verdict["words"] = answer.words();
+  }
   origin.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (folder) write_report(request, campaign, files, std::move(origin), *folder, answer);
   return std::move(found.answer);
