@@ -424,6 +424,17 @@ TEST(LogRecordings, RowsOfSeveralMachinesAreTold) {
 }
 
 // Lines above the header, and units that graybox does not know below it.
+TEST(LogRecordings, WordsWithoutASeparatorAreNoTitlesOfThreeColumns) {
+  const testing::TemporaryFolder folder;
+  std::string text = "Recorder v3\ntime\n";
+  for (int k = 0; k < 60; ++k) text += std::to_string(2 * k) + ",1.5,0.2\n";
+  testing::write_text(folder.file("log.csv"), text);
+  const RecordingFile file = read_recording_file(folder.file("log.csv"));
+  EXPECT_EQ(file.columns[0].name, "1");
+  ASSERT_EQ(file.remarks.size(), 1U);
+  EXPECT_NE(file.remarks[0].find("is left out"), std::string::npos) << file.remarks[0];
+}
+
 TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   const testing::TemporaryFolder folder;
   std::string rows;
@@ -483,11 +494,6 @@ TEST(LogRecordings, ATitleAboveTheHeaderIsPassedOver) {
   EXPECT_EQ(read("time,angle,current\nms,Nm,furlong\n").columns[2].unit, "furlong");
   EXPECT_EQ(read("time,angle,current\n0,#N/A,\n").columns[0].values.size(), 61);
   EXPECT_EQ(read("").columns[0].name, "1");
-  // Words without a separator are no titles of three columns.
-  const RecordingFile untitled = read("Recorder v3\ntime\n");
-  EXPECT_EQ(untitled.columns[0].name, "1");
-  ASSERT_EQ(untitled.remarks.size(), 1U);
-  EXPECT_NE(untitled.remarks[0].find("is left out"), std::string::npos) << untitled.remarks[0];
   testing::write_text(folder.file("log.csv"), "time;angle\n0,1;0.2\n0,2;0.3\n");
   testing::expect_refused([&] { (void)read_recording_file(folder.file("log.csv")); },
                           "write a decimal point");
