@@ -17,9 +17,9 @@ struct HelpTopic {
 
 [[nodiscard]] std::span<const HelpTopic> help_topics();
 
-// Of a group of options, or nullptr.
+// The topic of a group of options; nullptr: it has none.
 [[nodiscard]] const HelpTopic* topic_of_group(const std::string& group);
-// Of that name, or nullptr.
+// The topic of that name; nullptr: there is none.
 [[nodiscard]] const HelpTopic* topic_named(const std::string& name);
 
 // The page that `graybox help NAME` prints: the options of every command below `app`.

@@ -588,7 +588,7 @@ std::optional<HoldComparison> better_held(const LumpedModel& stated, const Predi
   return both;
 }
 
-// Of what hardly moves in the recordings kept out an error over its own signal says nothing.
+// An error over its own signal says nothing of an output that hardly moves in what is kept out.
 void tell_what_stands_kept_out(const PredictionOutcome& outcome, Diagnosis& diagnosis) {
   const JudgedModel& found = outcome.final->found();
   if (!found.held_out_error) return;

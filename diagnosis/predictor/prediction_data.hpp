@@ -72,8 +72,8 @@ struct SampleLimit {
 
 // Recorded samples from which the state is told before a recording runs free: at most half of it.
 inline constexpr Eigen::Index kSeenBeforeFreeRun = 200;
-// Likewise of a recording of fewer than kShortRecording samples that begins at rest: those at rest,
-// or so many.
+// The state of a recording of fewer than kShortRecording samples that begins at rest is told by the
+// samples at rest, or by so many where these are fewer.
 inline constexpr Eigen::Index kSeenAtRest = 2, kShortRecording = 2000;
 
 class PredictionData {

@@ -5,7 +5,7 @@
 //
 // and with a velocity v, J [v(t+W) - v(t-W)] = sum of force - friction over both windows. Columns
 // for viscous and dry friction and a constant stand beside, so that the mass is not taken for them.
-// Of two masses the motor's equation and the sum of both are solved together. The load's equation
+// The motor's equation and the sum of both masses' are solved together. The load's equation
 // by itself has nothing on its right side: noise of the twist, or play, then shrinks load and
 // spring together. A column for the side of the play stands beside the spring.
 // SI units, or those of the force. Values are starts: the diagnosis fits them.

@@ -71,12 +71,6 @@ bool has_no_gain(const Channel& channel) {
   return recorded != nullptr && recorded->base != channel.unit && std::abs(channel.factor) == 1.0;
 }
 
-// Of a robot whose bodies tell the drives' gains: sizes are in N m then.
-bool estimates_gains(const std::filesystem::path& model) {
-  return YamlField::load(model).at("format").text() == "graybox-rigid-robot/1" &&
-         load_rigid_robot(model).channels.unknown_drive_gains;
-}
-
 // A goal of a servo in rad, and what has no unit, are no sizes of a force that anyone would name.
 std::string named_drive_unit(const std::string& recorded) {
   const Unit* unit = find_unit(recorded);
@@ -174,8 +168,12 @@ void tell_clipped_inputs(std::span<const std::string> inputs, Diagnosis& diagnos
   }
 }
 
-std::string drive_unit_of(const std::filesystem::path& model, const Campaign& campaign) {
-  if (estimates_gains(model)) return "";
+bool estimates_drive_gains(const std::filesystem::path& model) {
+  return YamlField::load(model).at("format").text() == "graybox-rigid-robot/1" &&
+         load_rigid_robot(model).channels.unknown_drive_gains;
+}
+
+std::string drive_unit_of(const Campaign& campaign) {
   std::set<std::string> units;
   for (const Channel& channel : campaign.channels) {
     if (channel.role != ChannelRole::kInput || !is_force(channel.unit)) continue;
@@ -185,9 +183,7 @@ std::string drive_unit_of(const std::filesystem::path& model, const Campaign& ca
   return units.empty() ? "" : units.size() == 1 ? *units.begin() : kNamelessUnit;
 }
 
-void tell_unknown_gains(const std::filesystem::path& model, const Campaign& campaign,
-                        Diagnosis& diagnosis) {
-  if (estimates_gains(model)) return;
+void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis) {
   constexpr std::size_t kFew = 2;
   std::map<std::string, std::vector<std::string>> columns;
   for (const Channel& channel : campaign.channels) {

@@ -31,15 +31,15 @@ void tell_one_way_forces(std::span<const Hypothesis> hypotheses, Diagnosis& diag
 // Says of inputs with flat tops, where laws were found, what these laws may stand in for.
 void tell_clipped_inputs(std::span<const std::string> inputs, Diagnosis& diagnosis);
 
+// Whether the model is a robot whose bodies tell the gains of its drives: sizes are in N m then.
+[[nodiscard]] bool estimates_drive_gains(const std::filesystem::path& model);
+
 // The unit in which forces are known: "mA" or "drive units" where one such unit stands for 1 N m or
-// 1 N of every drive, because no gain is stated; else empty, also where the model's bodies tell the
-// gains.
-[[nodiscard]] std::string drive_unit_of(const std::filesystem::path& model,
-                                        const Campaign& campaign);
+// 1 N of every drive, because no gain is stated; else empty.
+[[nodiscard]] std::string drive_unit_of(const Campaign& campaign);
 
 // Names drives of which one recorded unit stands for 1 N m or 1 N, because their gain is not known:
 // a sentence for those in one unit, by the columns that the user knows.
-void tell_unknown_gains(const std::filesystem::path& model, const Campaign& campaign,
-                        Diagnosis& diagnosis);
+void tell_unknown_gains(const Campaign& campaign, Diagnosis& diagnosis);
 
 }  // namespace graybox

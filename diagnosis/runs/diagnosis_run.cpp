@@ -50,8 +50,10 @@ CampaignAnswer answer_with_second_looks(const DiagnosisRequest& request, Campaig
 
 // What a reader is told beside the laws found.
 void advise(const DiagnosisRequest& request, const Campaign& campaign, DiagnosisAnswer& answer) {
-  answer.drive_unit = drive_unit_of(request.model, campaign);
-  tell_unknown_gains(request.model, campaign, answer.diagnosis);
+  if (!estimates_drive_gains(request.model)) {
+    answer.drive_unit = drive_unit_of(campaign);
+    tell_unknown_gains(campaign, answer.diagnosis);
+  }
   mark_first_springs(request.model, answer.hypotheses(), answer.diagnosis);
   require_confirmed_laws(answer.diagnosis);
   advise_on_rivals(answer.hypotheses(), answer.diagnosis);
