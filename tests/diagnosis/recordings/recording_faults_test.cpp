@@ -783,6 +783,10 @@ TEST_F(RecordingFaultRates, Quantisation) {
   };
   EXPECT_LT(rate(detects, as_it_is), 0.02);
   EXPECT_GT(rate(detects, coarse), 0.8);
+  const Detector detects_motion = [](const RecordedChannel&, const VectorXd& values) {
+    return find_coarse_quantisation(values, SignalKind::kMeasuredMotion).has_value();
+  };
+  EXPECT_LT(rate(detects_motion, as_it_is, is_position), 0.02);
 }
 
 TEST_F(RecordingFaultRates, Saturation) {
