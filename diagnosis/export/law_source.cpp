@@ -34,6 +34,8 @@ constexpr Source kSources[] = {
              "return level * (v / reference_velocity) * pow(square, 0.5 * (exponent - 1.0));"},
     {.law = "load_dependent_friction",
      .body = "return (level + coefficient * fabs(z)) * tanh(v / transition_velocity);"},
+    {.law = "driven_viscous",
+     .body = "return (fabs(z) > threshold ? driven_damping : undriven_damping) * v;"},
     {.law = "quadratic_drag", .body = "return coefficient * fabs(v) * v;"},
     {.law = "deflection_damping", .body = "return coefficient * z * z * v;"},
     {.law = "stiffness", .body = "return stiffness * z;"},

@@ -457,7 +457,7 @@ std::vector<std::string> special_cases_of(const LawEntry& entry, bool dry_fricti
     return cases;
   }
   if (name == "dahl" || name == "load_dependent_friction") return {"coulomb"};
-  if (name == "asymmetric_viscous") return {"viscous"};
+  if (name == "asymmetric_viscous" || name == "driven_viscous") return {"viscous"};
   if (name == "lugre") return {"coulomb", "stribeck", "dahl", "viscous"};
   if (name == "bouc_wen") return {"stiffness", "dahl", "coulomb"};
   if (name == "play_and_slip") return {"dahl", "coulomb"};

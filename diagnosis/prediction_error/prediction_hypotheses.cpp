@@ -12,6 +12,7 @@
 #include "diagnosis/hypotheses/law_shapes.hpp"
 #include "diagnosis/hypotheses/law_trend.hpp"
 #include "diagnosis/predictor/standing_mass.hpp"
+#include "diagnosis/signals/coasting.hpp"
 
 namespace graybox {
 namespace {
@@ -31,7 +32,7 @@ int complexity_of(const std::string& law, LocationKind kind) {
     if (law == plain) return 0;
   }
   for (const char* plain : {"stiffness", "cubic_spring", "asymmetric_viscous", "quadratic_drag",
-                            "dead_zone", "backlash"}) {
+                            "dead_zone", "backlash", "driven_viscous"}) {
     if (law == plain) return 1;
   }
   return law == "dahl" || law == "bouc_wen" || law == "play_and_slip" ? 3 : 2;
@@ -164,7 +165,7 @@ PredictionHypotheses::PredictionHypotheses(const LumpedModel& model, const Predi
     place.name = model.mass_names[static_cast<std::size_t>(i)];
     place.input = place.output = VectorXd::Unit(n, i);
     add_place(place, fmt::format("{{kind: element, mass: {}}}", place.name));
-    add_load_friction(place, i, model);
+    add_driven_laws(place, i, model);
   }
   place.takes_inertia = false;
   for (const Element& part : model.parts) {
@@ -221,8 +222,8 @@ void PredictionHypotheses::add_place(const Location& place, const std::string& y
 }
 
 // By the forces that drive this mass itself.
-void PredictionHypotheses::add_load_friction(const Location& mass, Index at,
-                                             const LumpedModel& model) {
+void PredictionHypotheses::add_driven_laws(const Location& mass, Index at,
+                                           const LumpedModel& model) {
   for (std::size_t c = 0; c < model.inputs.size(); ++c) {
     if (model.inputs[c].kind != LumpedInput::Kind::kForce || model.inputs[c].mass != at) continue;
     Location location = mass;
@@ -232,7 +233,27 @@ void PredictionHypotheses::add_load_friction(const Location& mass, Index at,
     const std::string yaml = fmt::format("{{kind: element, mass: {}, driven_by: {{input: {}}}}}",
                                          mass.name, model.input_names[c]);
     add(location, yaml, "load_dependent_friction");
+    if (coasts(model, at, static_cast<Index>(c))) add(location, yaml, "driven_viscous");
   }
+}
+
+// Whether the recordings of the fit show this mass move with this drive, and without it.
+bool PredictionHypotheses::coasts(const LumpedModel& model, Index mass, Index input) const {
+  using enum LumpedOutput::Quantity;
+  for (std::size_t j = 0; j < model.outputs.size(); ++j) {
+    const LumpedOutput& output = model.outputs[j];
+    if (output.mass != mass || (output.quantity != kPosition && output.quantity != kVelocity)) {
+      continue;
+    }
+    std::vector<CoastingMotion> motions;
+    for (const OutputErrorRecording& recording : data_->recordings()) {
+      if (recording.role != ExperimentRole::kEstimation) continue;
+      motions.push_back({recording.inputs.col(input), recording.outputs.col(static_cast<Index>(j)),
+                         output.quantity == kVelocity});
+    }
+    return moves_without_drive(motions);
+  }
+  return false;
 }
 
 void PredictionHypotheses::add_signal(LocationKind kind, std::size_t channel,
@@ -396,6 +417,15 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     law.direction[0] = -load;
     law.fixed = {false, false, !is_imposed};
     if (takes_over) law.replaces = coulomb;
+    list.push_back(std::move(law));
+  } else if (plain.law == "driven_viscous" && !part_at(model, place, "asymmetric_viscous")) {
+    const bool takes_over = viscous && is_found(present, *viscous);
+    const double damping = takes_over ? value_of(present, *viscous, 0) : 0.0;
+    const double threshold = kNoDrive * input_peaks_[static_cast<std::size_t>(place.driver)];
+    LawExtension law =
+        amplitude(plain, {damping, damping, threshold}, 0, at.force / at.rms_rate, false);
+    law.fixed = {false, !takes_over, true};
+    if (takes_over) law.replaces = viscous;
     list.push_back(std::move(law));
   } else if (plain.law == "quadratic_drag" && at.rate(0.9) > kSpeeds * at.rate(0.2)) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));

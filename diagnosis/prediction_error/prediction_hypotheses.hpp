@@ -58,7 +58,8 @@ class PredictionHypotheses {
  private:
   struct MotionAt;
   void add_place(const Location& place, const std::string& yaml);
-  void add_load_friction(const Location& mass, Eigen::Index at, const LumpedModel& model);
+  void add_driven_laws(const Location& mass, Eigen::Index at, const LumpedModel& model);
+  [[nodiscard]] bool coasts(const LumpedModel& model, Eigen::Index mass, Eigen::Index input) const;
   void add_signal(LocationKind kind, std::size_t channel, const LumpedModel& model);
   void measure_input(Eigen::Index channel, const PredictionData& data);
   void add(const Location& place, const std::string& yaml, const std::string& law);

@@ -21,7 +21,9 @@ constexpr std::array<std::string_view, 5> kDry{"coulomb", "asymmetric_coulomb", 
                                                "sublinear_friction", "dahl"};
 constexpr std::array<std::string_view, 3> kSmooth{"viscous", "asymmetric_viscous",
                                                   "quadratic_drag"};
-constexpr std::array<std::string_view, 3> kWithMemory{"lugre", "bouc_wen", "play_and_slip"};
+// Of these no one curve over the speed tells the force.
+constexpr std::array<std::string_view, 4> kWithoutCurve{"lugre", "bouc_wen", "play_and_slip",
+                                                        "driven_viscous"};
 
 template <std::size_t size>
 bool is_among(const std::array<std::string_view, size>& laws, const std::string& law) {
@@ -31,7 +33,7 @@ bool is_among(const std::array<std::string_view, size>& laws, const std::string&
 struct Place {
   std::string name;
   std::vector<const FittedLaw*> laws;
-  bool is_dry = false, has_memory = false;
+  bool is_dry = false, has_no_curve = false;
   double own_damping = 0.0;  // of the model
 };
 
@@ -61,15 +63,15 @@ std::vector<Place> places_with_friction(const Diagnosis& diagnosis,
   for (const FoundEffect& effect : diagnosis.effects) {
     const Hypothesis& hypothesis = hypotheses[effect.law.hypothesis];
     const bool is_dry = is_among(kDry, hypothesis.law),
-               has_memory = is_among(kWithMemory, hypothesis.law);
-    if (!is_dry && !has_memory && !is_among(kSmooth, hypothesis.law)) continue;
+               has_no_curve = is_among(kWithoutCurve, hypothesis.law);
+    if (!is_dry && !has_no_curve && !is_among(kSmooth, hypothesis.law)) continue;
     auto place = std::ranges::find(places, hypothesis.place, &Place::name);
     if (place == places.end()) {
       place = places.insert(places.end(), Place{.name = hypothesis.place, .laws = {}});
     }
     place->laws.push_back(&effect.law);
     place->is_dry = place->is_dry || is_dry;
-    place->has_memory = place->has_memory || has_memory;
+    place->has_no_curve = place->has_no_curve || has_no_curve;
   }
   for (Place& place : places) place.own_damping = own_damping(diagnosis, place);
   return places;
@@ -146,7 +148,7 @@ std::vector<std::string> friction_lines(const Diagnosis& diagnosis,
   for (const Place& place : places_with_friction(diagnosis, hypotheses)) {
     const auto* velocity = velocity_at(diagnosis, place);
     const std::string unit = force_unit(diagnosis, place);
-    if (!place.is_dry || place.has_memory || velocity == nullptr || unit.empty()) continue;
+    if (!place.is_dry || place.has_no_curve || velocity == nullptr || unit.empty()) continue;
     const double highest = std::max(std::abs(velocity->from), std::abs(velocity->to));
     const double lowest = slowest(*velocity);
     std::string curve;

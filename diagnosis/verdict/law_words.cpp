@@ -20,7 +20,7 @@ struct Predicate {
   std::string_view if_negative = {};  // of its stiffness, or first parameter; empty: the same
 };
 
-constexpr std::array<Predicate, 34> kPredicates{{
+constexpr std::array<Predicate, 35> kPredicates{{
     {"stiffness", false, "is stiffer than modelled", "is softer than modelled"},
     {"cubic_spring", false, "hardens", "softens"},
     {"backlash", false, "has play"},
@@ -33,6 +33,8 @@ constexpr std::array<Predicate, 34> kPredicates{{
     {"viscous", false, "has more viscous friction than modelled",
      "has less viscous friction than modelled"},
     {"asymmetric_viscous", false, "has viscous friction that differs between the directions"},
+    {"driven_viscous", false,
+     "is braked differently while nothing drives it (a bridge that lets go, or shorts)"},
     {"coulomb", false, "has dry friction"},
     {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
     {"stribeck", false, "has dry friction"},

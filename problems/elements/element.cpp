@@ -38,14 +38,16 @@ void check_law_fits_place(const YamlField& field, const LawEntry& entry, const L
                            location.name));
   }
   const bool is_driven = location.driver >= 0;
-  if (location.kind == LocationKind::kElement &&
-      (entry.name == "load_dependent_friction") != is_driven &&
+  const bool takes_an_input =
+      entry.name == "load_dependent_friction" || entry.name == "driven_viscous";
+  if (location.kind == LocationKind::kElement && takes_an_input != is_driven &&
       (entry.definition.empty() || !is_driven)) {
-    field.fail(is_driven
-                   ? fmt::format("'{}' is of a deflection; what is driven by an input takes "
-                                 "'load_dependent_friction' or a law of one's own",
-                                 entry.name)
-                   : "'load_dependent_friction' needs a location with driven_by: {input: ...}");
+    field.fail(
+        is_driven
+            ? fmt::format("'{}' is of a deflection; what is driven by an input takes "
+                          "'load_dependent_friction', 'driven_viscous' or a law of one's own",
+                          entry.name)
+            : fmt::format("'{}' needs a location with driven_by: {{input: ...}}", entry.name));
   }
   if (location.kind != LocationKind::kElement && (entry.name == "feedthrough") != is_driven &&
       (entry.definition.empty() || !is_driven)) {

@@ -83,6 +83,18 @@ struct LoadFriction {
   }
 };
 
+// A motor on a bridge brakes itself (back electromotive force) while the bridge conducts; without a
+// drive it coasts, or brakes harder where the bridge shorts it. An input, the drive, stands in place
+// of the deflection. p: driven, undriven, threshold.
+struct DrivenViscous {
+  static constexpr int kParameters = 3, kStates = 0;
+  template <typename T>
+  static T force(const T* p, const T& drive, const T& rate, const T*) {
+    using std::abs;
+    return (abs(drive) > p[2] ? p[0] : p[1]) * rate;
+  }
+};
+
 struct QuadraticDrag {
   static constexpr int kParameters = 1, kStates = 0;
   template <typename T>
@@ -163,13 +175,21 @@ std::vector<LawEntry> friction_laws() {
 
 std::vector<LawEntry> supplementary_friction_laws() {
   using enum ParameterRange;
-  return {{"load_dependent_friction",
-           "dry friction that grows with an input d: f = (F_c + mu |d|) tanh(z'/v_t)",
-           LawUse::kForce,
-           {{"level", "F", kNonNegative, true},
-            {"coefficient", "F/D", kNonNegative, true},
-            {"transition_velocity", "x/s", kPositive}},
-           make_law<LoadFriction>}};
+  return {
+      {"load_dependent_friction",
+       "dry friction that grows with an input d: f = (F_c + mu |d|) tanh(z'/v_t)",
+       LawUse::kForce,
+       {{"level", "F", kNonNegative, true},
+        {"coefficient", "F/D", kNonNegative, true},
+        {"transition_velocity", "x/s", kPositive}},
+       make_law<LoadFriction>},
+      {"driven_viscous",
+       "viscous friction of a mass while an input d drives it, |d| > d_0, and while it does not",
+       LawUse::kForce,
+       {{"driven_damping", "F s/x", kAny, true},
+        {"undriven_damping", "F s/x", kAny, true},
+        {"threshold", "D", kNonNegative}},
+       make_law<DrivenViscous>}};
 }
 
 }  // namespace graybox

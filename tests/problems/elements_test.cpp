@@ -382,7 +382,9 @@ TEST_F(ElementFiles, ElementsBetweenMassesKeepTheTotalMomentum) {
                     unit_at(parameter.unit, {"N m", "rad", "kg m^2", "(N m)"}) + "}\n";
     }
     std::string location = "kind: element, between: [motor, load]";
-    if (entry.name == "load_dependent_friction") location += ", driven_by: {input: torque}";
+    if (entry.name == "load_dependent_friction" || entry.name == "driven_viscous") {
+      location += ", driven_by: {input: torque}";
+    }
     const LumpedModel model = drive(physics(location, parameters));
     const VectorXd ones = VectorXd::Ones(2);
     EXPECT_LT((ones.transpose() * model.stiffness).norm(), 1e-14) << entry.name;
