@@ -206,14 +206,22 @@ void note_controller(const MassMachine& machine, ModelProposal& proposal) {
 void doubt_speed(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
   constexpr double kFastest = 20.0, kFastestTurning = 2000.0;  // m/s, rad/s
   constexpr double kMost = 0.99;                               // of the samples: no spikes
-  const Eigen::VectorXd place = machine.even.of(machine.motions[0].values(machine.log));
-  const Eigen::Index n = place.size();
-  if (n < 2 || !(time.sample_time > 0.0)) return;
-  Eigen::ArrayXd rate = place.array().tail(n - 1);
-  if (!machine.motions[0].is_velocity) rate = (rate - place.array().head(n - 1)) / time.sample_time;
+  if (!(time.sample_time > 0.0)) return;
   std::vector<double> sizes;
-  for (const double each : rate) sizes.push_back(std::abs(each));
-  const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(kMost * static_cast<double>(n - 2));
+  for (const LogRecording& recording : machine.recordings) {
+    const Eigen::VectorXd place =
+        even_of(machine, recording, time).of(machine.motions[0].values(recording));
+    const Eigen::Index n = place.size();
+    if (n < 2) continue;
+    Eigen::ArrayXd rate = place.array().tail(n - 1);
+    if (!machine.motions[0].is_velocity) {
+      rate = (rate - place.array().head(n - 1)) / time.sample_time;
+    }
+    for (const double each : rate) sizes.push_back(std::abs(each));
+  }
+  if (sizes.empty()) return;
+  const auto at =
+      sizes.begin() + static_cast<std::ptrdiff_t>(kMost * static_cast<double>(sizes.size() - 1));
   std::ranges::nth_element(sizes, at);
   const bool is_linear = machine.is_linear();
   if (!(*at > (is_linear ? kFastest : kFastestTurning))) return;
@@ -329,41 +337,64 @@ class MassModel {
 
   // Where the motion goes one way, a drive against it tells no sign: a load does the same.
   void note_braking() {
-    constexpr double kMostly = 0.75;  // of the samples
-    const Eigen::VectorXd place = motion(0), drive = force();
-    const Eigen::Index n = place.size(), over = std::max<Eigen::Index>(1, n / 200);
-    if (n != drive.size() || n <= 2 * over) return;
-    Eigen::ArrayXd rate = place.array().tail(n - over);
-    if (!machine_.motions[0].is_velocity) rate -= place.array().head(n - over);
-    if (!goes_one_way(rate)) return;
-    const Eigen::ArrayXd power = drive.array().tail(n - over) * rate;
-    const auto braking = static_cast<double>((power < 0.0).count());
-    const auto acting = static_cast<double>((power != 0.0).count());  // the drive, on what moves
-    if (!(power.sum() < 0.0) || braking < kMostly * acting) return;
+    constexpr double kMostly = 0.75;                 // of the samples
+    double work = 0.0, braking = 0.0, acting = 0.0;  // samples: of a drive, on what moves
+    std::vector<double> rates;
+    for (const OneMassLog& log : logs_of(1.0)) {
+      const Eigen::Index n = log.motion.size(), over = std::max<Eigen::Index>(1, n / 200);
+      if (n != log.force.size() || n <= 2 * over) continue;
+      Eigen::ArrayXd rate = log.motion.array().tail(n - over);
+      if (!log.is_velocity) rate -= log.motion.array().head(n - over);
+      const Eigen::ArrayXd power = log.force.array().tail(n - over) * rate;
+      work += power.sum();
+      braking += static_cast<double>((power < 0.0).count());
+      acting += static_cast<double>((power != 0.0).count());
+      rates.insert(rates.end(), rate.begin(), rate.end());
+    }
+    const bool is_braked = work < 0.0 && braking >= kMostly * acting;
+    if (!is_braked || !goes_one_way(Eigen::Map<Eigen::ArrayXd>(rates.data(), std::ssize(rates)))) {
+      return;
+    }
     proposal_.notes.push_back(fmt::format(
         "'{}' (drive) acts against the motion, which goes one way: either a load drives the axis, "
-        "as a weight or another machine, or drive or encoder is reversed. This log can't tell "
+        "as a weight or another machine, or drive or encoder is reversed. {} can't tell "
         "which; one that goes both ways can",
-        machine_.drive->name));
+        machine_.drive->name, machine_.recordings.size() > 1 ? "These logs" : "This log"));
+  }
+
+  // The largest share that a feedback of what was measured leaves of the drive, in any log; none
+  // where one of them can't tell.
+  [[nodiscard]] std::optional<double> most_left_of_feedback(const LogColumn* other) const {
+    const MotionChoice& choice = machine_.motions[0];
+    double most = 0.0;
+    for (const LogRecording& recording : machine_.recordings) {
+      const EvenSamples even = even_of(machine_, recording, time_);
+      std::vector<Eigen::VectorXd> measured{even.of(choice.values(recording))};
+      if (other != nullptr) {
+        measured.push_back(even.of(without_gaps(recording.at(other->file, other->name).values)));
+      }
+      const std::optional<double> left =
+          left_of_feedback(force_of(machine_, recording, even), measured);
+      if (!left) return {};
+      most = std::max(most, *left);
+    }
+    return most;
   }
 
   // Nothing but a controller computes a drive that is a sum of what was measured.
   [[nodiscard]] bool note_feedback() {
     constexpr double kExact = 0.01;  // of the drive's deviation
     const MotionChoice& choice = machine_.motions[0];
-    std::vector<Eigen::VectorXd> measured{motion(0)};
-    std::string names = fmt::format("'{}'", choice.column->name);
-    if (choice.other != nullptr && choice.other->file == choice.column->file) {
-      measured.push_back(machine_.even.of(without_gaps(choice.other->values)));
-      names += fmt::format(" and '{}'", choice.other->name);
-    }
-    const std::optional<double> left = left_of_feedback(force(), measured);
+    const bool has_other = choice.other != nullptr && choice.other->file == choice.column->file;
+    const std::optional<double> left = most_left_of_feedback(has_other ? choice.other : nullptr);
     if (!left || *left > kExact) return false;
+    const std::string other = has_other ? fmt::format(" and '{}'", choice.other->name) : "";
     proposal_.notes.push_back(fmt::format(
-        "'{}' (drive) is a sum of a constant and of {}, to {:.2g} % of its deviation: a controller "
-        "computed it. Nothing else excites the machine, so this log can't tell the machine from "
-        "its controller: move the goal, push, or add a signal to the drive",
-        machine_.drive->name, names, 100.0 * *left));
+        "'{}' (drive) is a sum of a constant and of '{}'{}, to {:.2g} % of its deviation: a "
+        "controller computed it. Nothing else excites the machine, so {} can't tell the machine "
+        "from its controller: move the goal, push, or add a signal to the drive",
+        machine_.drive->name, choice.column->name, other, 100.0 * *left,
+        machine_.recordings.size() > 1 ? "these logs" : "this log"));
     return true;
   }
 
