@@ -177,9 +177,22 @@ Eigen::VectorXd LoggedRobot::places(std::size_t joint, const AngleUnit& unit) co
   return (length != nullptr && length->base == "m" ? length->factor : 1.0) * values;
 }
 
+bool LoggedRobot::is_moved(std::size_t joint) const {
+  constexpr double kTrembles = 0.005;
+  const auto span = [](const LogColumn& column) {
+    const Eigen::VectorXd values = without_gaps(column.values);
+    return values.size() > 0 ? values.maxCoeff() - values.minCoeff() : 0.0;
+  };
+  double widest = 0.0;
+  for (const auto& [other, column] : positions_->columns) {
+    if (joints_[other].is_prismatic != joints_[joint].is_prismatic) continue;
+    widest = std::max(widest, span(*column));
+  }
+  return position(joint).moves() && span(position(joint)) > kTrembles * widest;
+}
+
 bool LoggedRobot::stands_still(std::size_t joint) const {
-  const auto logged = positions_->columns.find(joint);
-  return logged != positions_->columns.end() && !logged->second->moves();
+  return positions_->columns.contains(joint) && !is_moved(joint);
 }
 
 bool LoggedRobot::is_usable(std::size_t joint) const {
@@ -189,7 +202,7 @@ bool LoggedRobot::is_usable(std::size_t joint) const {
 }
 
 bool LoggedRobot::is_passive(std::size_t joint) const {
-  return force(joint).is_zero() && position(joint).moves();
+  return force(joint).is_zero() && is_moved(joint);
 }
 
 std::vector<std::size_t> LoggedRobot::path_to(std::size_t joint) const {

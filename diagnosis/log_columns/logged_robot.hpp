@@ -53,6 +53,9 @@ class LoggedRobot {
     return *forces_->columns.at(joint);
   }
   [[nodiscard]] const ColumnFamily& forces() const { return *forces_; }
+  // Whether its logged position moves by no more than an encoder trembles: by 1/200 of what the
+  // joint does that moves farthest.
+  [[nodiscard]] bool stands_still(std::size_t joint) const;
   // Whether it moves though its force is zero throughout, as without a drive. Of logged joints.
   [[nodiscard]] bool is_passive(std::size_t joint) const;
   // "'tau_1' to 'tau_6'", of the joints in the chain.
@@ -92,7 +95,7 @@ class LoggedRobot {
  private:
   // Radians, or metres along a prismatic joint.
   [[nodiscard]] Eigen::VectorXd places(std::size_t joint, const AngleUnit& unit) const;
-  [[nodiscard]] bool stands_still(std::size_t joint) const;
+  [[nodiscard]] bool is_moved(std::size_t joint) const;  // of joints whose position is logged
 
   [[nodiscard]] bool is_usable(std::size_t joint) const;
 

@@ -196,7 +196,8 @@ class RobotProposal {
       if (found == family.columns.end() || found->second->words.is_reference) continue;
       const LogColumn* column = found->second;
       const LogQuantity quantity = column->words.quantity;
-      if (quantity == LogQuantity::kPosition && column->moves()) motion = column;
+      const bool is_moved = column->moves() && !robot_.stands_still(joint);
+      if (quantity == LogQuantity::kPosition && is_moved) motion = column;
       if (drives(quantity)) drive = column;
       if (quantity == LogQuantity::kUnknown && column->moves()) open = column;
     }

@@ -210,6 +210,15 @@ TEST_F(RobotLogs, AJointThatStandsStillIsLockedWhereItStands) {
   EXPECT_EQ(value_of(between, "locked").substr(0, 18), "elbow at -0.25 rad");
   EXPECT_NE(between.model_text.find("locked: {\"elbow\": -0.25}"), std::string::npos)
       << between.model_text;
+  // An encoder that trembles is still, too, beside a motor that gives nothing.
+  const Signal trembling = [](double t) { return -0.25 + 2e-3 * std::sin(900.0 * t); };
+  for (const double effort : {0.0, 0.4}) {
+    const ModelProposal noisy = proposed({"waist", "elbow", "wrist"},
+                                         columns_with(trembling, [=](double) { return effort; }));
+    EXPECT_EQ(value_of(noisy, "joints").substr(0, 17), "2, waist to wrist");
+    EXPECT_EQ(value_of(noisy, "locked").substr(0, 18), "elbow at -0.25 rad");
+    EXPECT_EQ(notes_of(noisy).find("elbow"), std::string::npos) << notes_of(noisy);
+  }
   const ModelProposal beyond = proposed({"waist", "wrist", "elbow"}, columns_with(still, still));
   EXPECT_EQ(value_of(beyond, "locked").substr(0, 18), "elbow at -0.25 rad");
   const ModelProposal at_zero =
