@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -13,6 +14,8 @@
 
 #include "cli/arguments/set_arguments.hpp"
 #include "cli/commands/commands.hpp"
+#include "cli/front/help_formatter.hpp"
+#include "cli/front/help_text.hpp"
 #include "cli/output/trace_file.hpp"
 #include "cli/process/interrupt.hpp"
 #include "cli/process/start_up.hpp"
@@ -171,15 +174,16 @@ void add_options(CLI::App& app, MpiArguments& arguments) {
   app.add_option("-o,--output", arguments.output, "write the design as JSON");
   app.add_flag("--json", arguments.json, "print one machine-readable line");
   app.footer(
-      "The checker decides, on all slices: status solved (exit code 0) means what it means for\n"
-      "'graybox solve'. HDF5 is read slice by slice; other formats pass through the first\n"
-      "process, which then needs the memory for the whole.\n"
+      "The checker decides, on all slices: status solved (exit code 0) means what it means for "
+      "'graybox solve'. HDF5 is read slice by slice; other formats pass through the first process, "
+      "which then needs the memory for the whole.\n"
       "Example:\n  mpirun -n 4 graybox_mpi set.h5 --gap 1e-9 -o design.json");
 }
 
 int run(int argc, char** argv) {
   CLI::App app(
       "D-optimal design over MPI: each process holds and prices a slice of the candidates.");
+  app.formatter(std::make_shared<HelpFormatter>(terminal_columns()));
   MpiArguments arguments;
   add_options(app, arguments);
   app.set_version_flag("--version", written_by(), "Print version and commit and exit");

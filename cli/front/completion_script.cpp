@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cli/front/help_topics.hpp"
+
 namespace graybox::cli {
 namespace {
 
@@ -97,19 +99,20 @@ std::string option_cases(const std::vector<const CommandNode*>& commands) {
 constexpr const char* kBash = R"(# bash completion of graybox, made by: graybox completion bash
 _graybox() {{
   local word="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}"
-  local place='' subcommands='' switches='' values='' takes='' i
+  local place='' subcommands='' switches='' values='' takes='' topics='' i
   if [[ $word == '=' ]]; then
     word=''
   elif [[ $before == '=' ]]; then
     before="${{COMP_WORDS[COMP_CWORD-2]}}"
   fi
   for ((i = 1; i < COMP_CWORD; ++i)); do
-    [[ $place == '' && ${{COMP_WORDS[i]}} == help ]] && continue
+    [[ $place == '' && ${{COMP_WORDS[i]}} == help ]] && topics={topics} && continue
     case "$place ${{COMP_WORDS[i]}}" in
       {paths}) place+=" ${{COMP_WORDS[i]}}" ;;
     esac
   done
 {commands}{options}  COMPREPLY=()
+  [[ $place == '' ]] && subcommands+=" $topics"
   if [[ $takes == number ]]; then
     return
   elif [[ $takes == words ]]; then
@@ -130,14 +133,15 @@ constexpr const char* kZsh = R"(#compdef graybox
 # zsh completion of graybox, made by: graybox completion zsh
 _graybox() {{
   local word="${{words[CURRENT]}}" before="${{words[CURRENT-1]}}"
-  local place='' subcommands='' switches='' values='' takes='' i
+  local place='' subcommands='' switches='' values='' takes='' topics='' i
   for ((i = 2; i < CURRENT; ++i)); do
-    [[ $place == '' && ${{words[i]}} == help ]] && continue
+    [[ $place == '' && ${{words[i]}} == help ]] && topics={topics} && continue
     case "$place ${{words[i]}}" in
       {paths}) place+=" ${{words[i]}}" ;;
     esac
   done
-{commands}{options}  if [[ $takes == number ]]; then
+{commands}{options}  [[ $place == '' ]] && subcommands+=" $topics"
+  if [[ $takes == number ]]; then
     return 1
   elif [[ $takes == words ]]; then
     compadd -- ${{=values}}
@@ -165,7 +169,14 @@ function __graybox_place
   end
   test "$place" = "$argv[1]"
 end
+complete -c graybox -n '__graybox_place "" && contains help (commandline -opc)' -f -a {topics}
 )";
+
+std::string topic_names() {
+  std::vector<std::string> names;
+  for (const HelpTopic& topic : help_topics()) names.emplace_back(topic.name);
+  return joined(names);
+}
 
 std::string fish_option(const CommandNode& command, const OptionNode& option) {
   std::string text = fmt::format("complete -c graybox -n '__graybox_place \"{}\"'", command.path);
@@ -188,7 +199,8 @@ std::string fish_script(const std::vector<const CommandNode*>& commands) {
     if (!command->path.empty()) paths.push_back(quoted(command->path));
   }
   std::string text =
-      fmt::format(fmt::runtime(kFish), fmt::arg("paths", fmt::format("{}", fmt::join(paths, " "))));
+      fmt::format(fmt::runtime(kFish), fmt::arg("paths", fmt::format("{}", fmt::join(paths, " "))),
+                  fmt::arg("topics", quoted(topic_names())));
   for (const CommandNode* command : commands) {
     const std::string here =
         fmt::format("complete -c graybox -n '__graybox_place \"{}\"'", command->path);
@@ -210,7 +222,8 @@ std::string completion_script(const CommandNode& root, std::string_view shell) {
   if (shell == "fish") return fish_script(commands);
   return fmt::format(
       fmt::runtime(shell == "zsh" ? kZsh : kBash), fmt::arg("paths", path_cases(commands)),
-      fmt::arg("commands", command_cases(commands)), fmt::arg("options", option_cases(commands)));
+      fmt::arg("commands", command_cases(commands)), fmt::arg("options", option_cases(commands)),
+      fmt::arg("topics", quoted(topic_names())));
 }
 
 }  // namespace graybox::cli

@@ -10,6 +10,10 @@ fail() { echo "$*" >&2; exit 1; }
 "$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/set.h5" --gap 1e-9 -o "$folder/design.json"
 "$graybox" check "$folder/set.h5" "$folder/design.json" || fail "the checker refuses the design"
 
+COLUMNS=80 "$mpiexec" -n 1 "$graybox_mpi" --help > "$folder/help"
+[[ "$(awk 'length > 80' "$folder/help" | wc -l)" == 0 ]] || fail "the help is wider than 80 columns"
+[[ "$(wc -l < "$folder/help")" -le 50 ]] || fail "the help is longer than 50 rows"
+
 code=0
 "$mpiexec" -n 2 --oversubscribe "$graybox_mpi" "$folder/none.h5" 2> "$folder/errors" || code=$?
 [[ "$code" == 2 ]] || fail "a missing file gave exit code $code, not 2"

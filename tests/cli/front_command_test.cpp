@@ -271,6 +271,8 @@ TEST_F(FrontDoor, BashCompletesCommandsOptionsWordsAndFiles) {
   EXPECT_EQ(completed("graybox so"), (Replies{"solve", "solvers"}));
   EXPECT_EQ(completed("graybox design ro"), Replies{"robust"});
   EXPECT_EQ(completed("graybox help design ro"), Replies{"robust"});
+  EXPECT_EQ(completed("graybox help con"), Replies{"constraints"});
+  EXPECT_EQ(completed("graybox con"), Replies{});
   EXPECT_EQ(completed("graybox solve --cri"), Replies{"--criterion"});
   EXPECT_EQ(completed("graybox solve --p s"), Replies{});
   EXPECT_EQ(completed("graybox solve --solver column"), Replies{"column_generation"});
