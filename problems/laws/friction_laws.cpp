@@ -188,7 +188,7 @@ std::vector<LawEntry> supplementary_friction_laws() {
        LawUse::kForce,
        {{"driven_damping", "F s/x", kAny, true},
         {"undriven_damping", "F s/x", kAny, true},
-        {"threshold", "D", kNonNegative}},
+        {.name = "threshold", .unit = "D", .range = kNonNegative, .sets_scale = true}},
        make_law<DrivenViscous>}};
 }
 
