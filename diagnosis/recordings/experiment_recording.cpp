@@ -237,7 +237,9 @@ SignalPiece piece_of(const Campaign& campaign, const std::vector<ChannelColumn>&
   }
   piece.values.resize(size, static_cast<Index>(columns.size()));
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    piece.values.col(static_cast<Index>(k)) = columns[k].column->values.segment(first, size);
+    // A zero that is written as -0 is none but zero.
+    piece.values.col(static_cast<Index>(k)) =
+        columns[k].column->values.segment(first, size).array() + 0.0;
   }
   return piece;
 }
