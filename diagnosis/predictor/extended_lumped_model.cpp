@@ -60,6 +60,7 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
                          double value) {
   using enum ParameterRange;
   const double size = std::abs(value) > 0.0 ? std::abs(value) : 1.0;
+  const double least = std::strtod(parameter.at_least.c_str(), nullptr);  // 0 of a name
   if (law.is_secant && parameter.range == kPositive) {
     return {true, size, size / kShapeFactor, size * kShapeFactor};
   }
@@ -71,9 +72,9 @@ ParameterSpace law_space(const LawParameter& parameter, const LawExtension& law,
     const bool from_zero = parameter.range == kNonNegative || (law.one_sided && law.base[p] == 0.0);
     return {false, scale, from_zero ? 0.0 : -kInfinite, high};
   }
-  if (parameter.range == kUnitInterval) return {false, 1.0, 0.0, 1.0};
+  if (parameter.range == kUnitInterval) return {false, 1.0, least, 1.0};
   if (value > 0.0 && (parameter.range == kPositive || parameter.range == kNonNegative)) {
-    return {true, size, size / kShapeFactor, size * kShapeFactor};
+    return {true, size, std::max(size / kShapeFactor, least), size * kShapeFactor};
   }
   return {false, size, parameter.range == kNonNegative ? 0.0 : -kInfinite, kInfinite};
 }

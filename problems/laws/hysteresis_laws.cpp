@@ -47,7 +47,8 @@ struct LuGre {
 // Bouc 1967, Wen 1976, normalised (Ismail, Ikhouane and Rodellar 2009): f = k x, yield at |x| =
 // x_y,
 //   x' = z' (1 - |x/x_y|^n (beta sign(z' x) + 1 - beta)).
-// p: k, x_y, n, beta.
+// Its loops give no energy where beta is 1/2 or more (Erlicher and Point 2004), and its slope is
+// bounded where n is 1 or more. p: k, x_y, n, beta.
 struct BoucWen {
   static constexpr int kParameters = 4, kStates = 1;
   template <typename T>
@@ -149,8 +150,8 @@ std::vector<LawEntry> hysteresis_laws() {
        kForce,
        {{"stiffness", "F/x", kPositive},
         {"yield", "x", kPositive},
-        {"exponent", "1", kPositive},
-        {"shape", "1", kUnitInterval}},
+        {.name = "exponent", .unit = "1", .range = kPositive, .at_least = "1"},
+        {.name = "shape", .unit = "1", .range = kUnitInterval, .at_least = "0.5"}},
        make_law<BoucWen>},
       {"play_and_slip",
        "slider behind a spring with play: f = k x - (k - k_p) clip(x, -h, h), slips near F_c",

@@ -42,11 +42,12 @@ const std::deque<LawEntry>& supplementary_laws() {
 bool keeps_order(const LawEntry& law, std::span<const double> parameters) {
   for (std::size_t i = 0; i < law.parameters.size(); ++i) {
     if (law.parameters[i].at_least.empty()) continue;
-    const auto least =
+    const auto other =
         std::ranges::find(law.parameters, law.parameters[i].at_least, &LawParameter::name);
-    if (parameters[i] < parameters[static_cast<std::size_t>(least - law.parameters.begin())]) {
-      return false;
-    }
+    const double least = other == law.parameters.end()
+                             ? std::stod(law.parameters[i].at_least)
+                             : parameters[static_cast<std::size_t>(other - law.parameters.begin())];
+    if (parameters[i] < least) return false;
   }
   return true;
 }

@@ -58,8 +58,9 @@ struct LawParameter {
   // A size that recordings tell for a given value of that one only, so that it has no standard
   // error by itself. (The level of a friction is none: it is stated at the velocity given.)
   bool is_relative = false;
-  // The parameter of the law that it is not below in any machine: friction at rest that is less
-  // than when sliding is no Stribeck effect. Files may say otherwise; a diagnosis does not.
+  // What it is not below in any machine: another parameter of the law, since friction at rest that
+  // is less than when sliding is no Stribeck effect, or a number. Files may say otherwise; a
+  // diagnosis does not.
   std::string at_least = {};
 };
 
@@ -75,7 +76,7 @@ struct LawEntry {
   std::string definition = {};
 };
 
-// Whether no parameter is below the one that it is at least.
+// Whether no parameter is below what it is at least.
 [[nodiscard]] bool keeps_order(const LawEntry& law, std::span<const double> parameters);
 
 // References to entries stay valid.
