@@ -33,8 +33,7 @@ constexpr std::array<Predicate, 35> kPredicates{{
     {"viscous", false, "has more viscous friction than modelled",
      "has less viscous friction than modelled"},
     {"asymmetric_viscous", false, "has viscous friction that differs between the directions"},
-    {"driven_viscous", false,
-     "is braked differently while nothing drives it (a bridge that lets go, or shorts)"},
+    {"driven_viscous", false, "is braked differently while nothing drives it"},
     {"coulomb", false, "has dry friction"},
     {"asymmetric_coulomb", false, "has dry friction that differs between the directions"},
     {"stribeck", false, "has dry friction"},
@@ -150,6 +149,19 @@ std::string direction_words(const LawParameterEstimate& forward,
                      three_digits(std::abs(more)), forward.unit);
 }
 
+// By how much a bridge that lets its motor go, or shorts it, changes what brakes it.
+std::string driven_words(const FittedLaw& law) {
+  const LawParameterEstimate *driven = parameter(law, "driven_damping"),
+                             *undriven = parameter(law, "undriven_damping");
+  if (driven == nullptr || undriven == nullptr) return "";
+  const double more = driven->value - undriven->value;
+  return fmt::format(
+      "is braked {} while nothing drives it, by {} {} of viscous friction (as by a bridge that {} "
+      "its motor)",
+      more > 0.0 ? "less" : "more", three_digits(std::abs(more)), driven->unit,
+      more > 0.0 ? "lets go of" : "shorts");
+}
+
 // What the numbers say in place of the law's usual words; empty: those.
 std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law) {
   if (hypothesis.law == "stribeck") {
@@ -160,6 +172,7 @@ std::string words_by_numbers(const Hypothesis& hypothesis, const FittedLaw& law)
     return fmt::format("has friction that gives way before it slides{}{}",
                        course.empty() ? "" : ",", course);
   }
+  if (hypothesis.law == "driven_viscous") return driven_words(law);
   if (hypothesis.law == "payload") return payload_words(law);
   if (hypothesis.law == "gravity") return gravity_words(hypothesis, law);
   if (hypothesis.law == "inertia") return inertia_words(hypothesis, law);

@@ -719,10 +719,12 @@ std::string next_experiment_words(const NextExperiment& next, const std::string&
 std::string estimate_words(const LawParameterEstimate& estimate) {
   const std::string unit = estimate.unit.empty() || estimate.unit == "1" ? "" : " " + estimate.unit;
   if (estimate.sets_scale) {
-    return fmt::format("{:.4g}{} (stated: with another the other sizes scale)", estimate.value,
-                       unit);
+    const bool is_threshold = estimate.name == "threshold";  // of any that no sample is near
+    return fmt::format("{:.4g}{} ({})", estimate.value, unit,
+                       is_threshold ? "stated" : "stated: with another the other sizes scale");
   }
   const double error = estimate.error();
+  if (estimate.value == 0.0 && !(error > 0.0)) return fmt::format("0{} (held)", unit);
   if (!(error > 0.0) || !std::isfinite(error)) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
