@@ -305,7 +305,8 @@ void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReas
 
 void PredictionReasons::add_against_as_given(const Diagnosis& diagnosis,
                                              std::vector<VerdictReason>& list) const {
-  if (!diagnosis.validation_before || !diagnosis.validation_after) return;
+  const bool has_laws = !diagnosis.effects.empty() || !diagnosis.late_channels.empty();
+  if (!has_laws || !diagnosis.validation_before || !diagnosis.validation_after) return;
   const double ratio = diagnosis.validation_after->nrmse / diagnosis.validation_before->nrmse;
   // Where errors add up, a disturbance may make a poor model the better one by chance.
   const double limit = from_.findings->has_free_run ? 1.0 : kAsGivenLimit;

@@ -74,6 +74,12 @@ std::string loose_mass(const Diagnosis& diagnosis) {
   return flaw == diagnosis.implausible.end() ? "" : flaw->quantity;
 }
 
+// Whether what is left of recordings kept out is little, though perhaps more than noise.
+bool foretells_nearly_all(const Diagnosis& diagnosis) {
+  constexpr double kLittle = 5.0;  // % of the signal
+  return diagnosis.validation_after && diagnosis.validation_after->nrmse <= kLittle;
+}
+
 // The headline where no test saw that something is missing, and not all of them passed.
 std::string undetected_words(const Diagnosis& diagnosis) {
   constexpr double kMuch = 15.0, kAll = 100.0;  // % of the signal
@@ -176,6 +182,12 @@ std::string headline(const Diagnosis& diagnosis) {
     return "The model as it is predicts about as well as it fits; it leaves a little that no law "
            "of "
            "the catalogue explains.";
+  }
+  if (is_without_findings && foretells_nearly_all(diagnosis)) {
+    return fmt::format(
+        "The model as it is foretells recordings kept out to {:.2g} % of the signal. That is more "
+        "than noise, and no law of the catalogue takes it.",
+        diagnosis.validation_after->nrmse);
   }
   if (is_without_findings)
     return diagnosis.may_be_disturbed

@@ -642,6 +642,19 @@ TEST(VerdictWords, DoNotCallPhysicsMissingWhereNothingWasSeen) {
   EXPECT_TRUE(headline(diagnosis).starts_with("Nothing was seen to be missing"));
 }
 
+TEST(VerdictWords, SayHowMuchAModelWithoutLawsForetells) {
+  Diagnosis diagnosis;
+  diagnosis.detection.detected = true;
+  diagnosis.verdict = Verdict::kUnknown;
+  diagnosis.validation_after = Assessment{};
+  diagnosis.validation_after->nrmse = 3.06;
+  EXPECT_EQ(headline(diagnosis),
+            "The model as it is foretells recordings kept out to 3.1 % of the signal. That is more "
+            "than noise, and no law of the catalogue takes it.");
+  diagnosis.validation_after->nrmse = 12.0;
+  EXPECT_EQ(headline(diagnosis), "Physics is missing, and no law of the catalogue explains it.");
+}
+
 // Where the noise is not known, what is foretold badly is not called predicted.
 TEST(VerdictFile, PredictsWhatIsKeptOutOnlyIfItsTestsPassed) {
   Diagnosis diagnosis = explained();
