@@ -428,6 +428,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
         trend_reason(diagnosis.trends, diagnosis.effects, "the recordings are one window each"));
   }
   add_determination(diagnosis, Verdict::kAmbiguous, list);
+  if (VerdictReason told = told_reason(diagnosis); told.value) list.push_back(std::move(told));
   add_short_delay(diagnosis, list);
   if (!from_.data->has_validation()) list.push_back(nothing_kept_out());
   std::size_t rivals = 0;
@@ -436,6 +437,29 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
                       rivals == 0, "add a sensor, or record larger and faster motion",
                       Verdict::kAmbiguous));
   return list;
+}
+
+VerdictReason told_reason(const Diagnosis& diagnosis) {
+  constexpr double kTold = 3.0;   // standard errors
+  constexpr double kMuch = 0.75;  // of the squared error kept out
+  double least = std::numeric_limits<double>::infinity();
+  for (const FoundEffect& effect : diagnosis.effects) {
+    if (!effect.held_out || effect.held_out->gain >= kMuch) continue;
+    double surest = 0.0;
+    for (const LawParameterEstimate& each : effect.law.parameters) {
+      if (each.sets_scale || !(each.error() > 0.0) || !std::isfinite(each.error())) continue;
+      surest = std::max(surest, std::abs(each.value) / each.error());
+    }
+    if (surest > 0.0) least = std::min(least, surest);
+  }
+  VerdictReason reason = test(
+      "the law found that is told least, standard errors from none",
+      std::isfinite(least) ? std::optional(least) : std::nullopt, kTold, !(least < kTold),
+      "record more of the motion in which it shows, and what else may look like it: a channel that "
+      "is late, a constant force",
+      Verdict::kAmbiguous);
+  reason.is_lower_limit = true;
+  return reason;
 }
 
 std::string doubt_about(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses) {

@@ -47,6 +47,11 @@ class PredictionReasons {
   PredictionOutcome from_;
 };
 
+// Whether the law found that is told least is told: by 3 standard errors from none, in the surest of
+// its parameters, where it takes less than 3/4 of the squared error kept out. Laws without a
+// standard error, and those that no recording kept out judges, are left to other tests.
+[[nodiscard]] VerdictReason told_reason(const Diagnosis& diagnosis);
+
 // Why another method should be asked where there is one: the test that leaves little of an answer.
 // Empty: none fails. Where a sensor reads no sign, no other method knows the motion.
 [[nodiscard]] std::string doubt_about(const Diagnosis& diagnosis,

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnosis/prediction_verdict/prediction_reasons.hpp"
 #include "diagnosis/verdict/reason_words.hpp"
 #include "diagnosis/verdict/report_tables.hpp"
 #include "diagnosis/verdict/verdict_words.hpp"
@@ -314,6 +315,26 @@ TEST(VerdictReasons, TheRangeNamesFilesAndSpansAndNothingBeyond) {
       << range_words(robot);
   EXPECT_TRUE(range_json({}).is_null());
   EXPECT_EQ(range_json(range).at("spans").size(), 2U);
+}
+
+// 2.2 standard errors are no law, unless it takes most of the error kept out.
+TEST(VerdictReasons, ALawIsToldByItsErrorOrByWhatItForetells) {
+  Diagnosis diagnosis = friction();
+  FoundEffect& effect = diagnosis.effects[0];
+  effect.law.parameters = {{"curvature", "1", -0.44, 0.20}, {"reference", "N m", 0.467, 0.0}};
+  effect.law.parameters[1].sets_scale = true;
+  effect.held_out = HeldOutEffect{10.0, 8.2, 0.35};
+  const VerdictReason loose = told_reason(diagnosis);
+  EXPECT_FALSE(loose.passed);
+  EXPECT_NEAR(*loose.value, 2.2, 1e-9);
+  EXPECT_EQ(loose.otherwise, Verdict::kAmbiguous);
+  effect.held_out->gain = 0.9;
+  EXPECT_TRUE(told_reason(diagnosis).passed);
+  effect.held_out->gain = 0.35;
+  effect.law.parameters[0].standard_error = 0.1;
+  EXPECT_TRUE(told_reason(diagnosis).passed);
+  effect.held_out.reset();
+  EXPECT_FALSE(told_reason(diagnosis).value.has_value());
 }
 
 }  // namespace
