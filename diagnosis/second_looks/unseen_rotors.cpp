@@ -14,6 +14,8 @@
 namespace graybox {
 namespace {
 
+constexpr std::string_view kName = "rotor_inertia_";
+
 // Their names in the model, one after the other.
 std::string names_of(const std::vector<std::size_t>& rotors) {
   std::string names;
@@ -23,10 +25,28 @@ std::string names_of(const std::vector<std::size_t>& rotors) {
   return names;
 }
 
+bool is_of_rotor(const Implausibility& flaw) { return flaw.quantity.starts_with(kName); }
+
+std::size_t joint_of(const Implausibility& flaw) {
+  return std::stoul(flaw.quantity.substr(kName.size())) - 1;
+}
+
+// Rotors with a negative inertia, and those that are not seen, where no other quantity is one that
+// a machine can't have. A rotor that is negative makes up for bodies or gains that differ.
+std::vector<std::size_t> negative_rotors(const Diagnosis& diagnosis) {
+  std::vector<std::size_t> joints;
+  for (const Implausibility& flaw : diagnosis.implausible) {
+    if (flaw.excludes && (flaw.rule != PlausibilityRule::kSign || !is_of_rotor(flaw))) return {};
+    if (is_of_rotor(flaw)) joints.push_back(joint_of(flaw));
+  }
+  return joints;
+}
+
 }  // namespace
 
 std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
-  constexpr std::string_view kTest = "parameters that are not determined", kName = "rotor_inertia_";
+  constexpr std::string_view kTest = "parameters that are not determined";
+  if (excluding(diagnosis.implausible) > 0) return negative_rotors(diagnosis);
   if (diagnosis.verdict != Verdict::kAmbiguous) return {};
   const bool is_alone = std::ranges::all_of(diagnosis.reasons, [&](const VerdictReason& reason) {
     return reason.passed || !reason.not_tested.empty() || reason.test == kTest;
@@ -34,8 +54,8 @@ std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
   if (!is_alone) return {};
   std::vector<std::size_t> joints;
   for (const Implausibility& flaw : diagnosis.implausible) {
-    if (flaw.rule != PlausibilityRule::kZero || !flaw.quantity.starts_with(kName)) return {};
-    joints.push_back(std::stoul(flaw.quantity.substr(kName.size())) - 1);
+    if (flaw.rule != PlausibilityRule::kZero || !is_of_rotor(flaw)) return {};
+    joints.push_back(joint_of(flaw));
   }
   return joints;
 }
@@ -50,8 +70,11 @@ std::optional<DiagnosisAnswer> answer_without_unseen_rotors(const DiagnosisReque
   if (!answer.problem) return {};
   answer.diagnosis = diagnose(*answer.problem, request.search);
   if (answer.diagnosis.interrupted || answer.diagnosis.verdict > first.verdict) return {};
+  const bool was_impossible = excluding(first.implausible) > 0;
+  if (was_impossible && excluding(answer.diagnosis.implausible) > 0) return {};
   answer.diagnosis.assumptions.push_back(fmt::format(
-      "{}: unknown in the model and not seen in these recordings, so left out.", names_of(rotors)));
+      "{}: unknown in the model and {} these recordings, so left out.", names_of(rotors),
+      was_impossible ? "negative or not told by a fit to" : "not seen in"));
   return answer;
 }
 

@@ -560,6 +560,21 @@ TEST(UnseenRotors, ARotorThatIsNotSeenIsLeftOut) {
   EXPECT_TRUE(rotors_to_leave_out(other).empty());
 }
 
+// A rotor of less than no inertia is left out with those that are not told, unless something else
+// is impossible, too.
+TEST(UnseenRotors, ARotorOfNegativeInertiaIsLeftOut) {
+  Diagnosis diagnosis = explained();
+  diagnosis.verdict = Verdict::kUnknown;
+  const Implausibility negative{
+      PlausibilityRule::kSign, "rotor_inertia_4/gain_4", -0.02, 3.6, "w", "r", true};
+  const Implausibility unseen{
+      PlausibilityRule::kZero, "rotor_inertia_2/gain_2", 0.01, 0.2, "w", "r", false};
+  diagnosis.implausible = {negative, unseen};
+  EXPECT_EQ(rotors_to_leave_out(diagnosis), (std::vector<std::size_t>{3, 1}));
+  diagnosis.implausible.push_back({PlausibilityRule::kSign, "gain_1", -2.0, 5.0, "w", "r", true});
+  EXPECT_TRUE(rotors_to_leave_out(diagnosis).empty());
+}
+
 // What to record follows from the rivals' laws.
 TEST(AnswerAdvice, StribeckAsksForSlowMotion) {
   const std::vector<Hypothesis> hypotheses{{"axis", "", "coulomb", {}},
