@@ -527,8 +527,9 @@ void add_each_channel(const std::vector<ChannelRest>& before, const std::vector<
 }
 
 // "torque of joint_2 (42 %, after 8.1 %)".
-void add_channels(const std::vector<ChannelRest>& before, const std::vector<ChannelRest>& after,
-                  std::vector<std::string>& lines) {
+void add_channels(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
+  const std::vector<ChannelRest>&before = diagnosis.channels_before,
+        &after = diagnosis.channels_after;
   std::string channels;
   for (std::size_t c = 0; c < before.size(); ++c) {
     if (!is_more_than_noise(before[c])) continue;
@@ -537,8 +538,10 @@ void add_channels(const std::vector<ChannelRest>& before, const std::vector<Chan
     if (c < after.size()) channels += fmt::format(", after {:.3g} %", after[c].nrmse);
     channels += ")";
   }
-  if (!channels.empty())
-    lines.push_back("Where the model leaves more than noise: " + channels + ".");
+  if (channels.empty()) return;
+  const bool is_known = diagnosis.noise_is_known;
+  lines.push_back(fmt::format("Where the model {}: {}.",
+                              is_known ? "leaves more than noise" : "misses the signal", channels));
 }
 
 // Channels that come late to the fitted model; damping that it lacks looks alike.
@@ -798,7 +801,7 @@ void add_all_channels(const Diagnosis& diagnosis, std::vector<std::string>& line
   if (diagnosis.remaining_structure && diagnosis.channels_after.size() > 1) {
     add_each_channel(diagnosis.channels_before, diagnosis.channels_after, lines);
   } else {
-    add_channels(diagnosis.channels_before, diagnosis.channels_after, lines);
+    add_channels(diagnosis, lines);
   }
   add_late_channels(diagnosis.channels_after, lines);
 }
