@@ -72,10 +72,16 @@ VerdictReason generalisation(const Diagnosis& diagnosis, const SearchOptions& op
                  "is largest: something acts there that the fit's recordings hardly show");
 }
 
-std::string advice_on_channel(const std::string& channel) {
+// Several forces that are balanced are those of a robot's joints, which carry bodies.
+std::string advice_on_channel(const Diagnosis& diagnosis, const std::string& channel) {
+  const bool is_robot = diagnosis.channels_after.size() > 1 &&
+                        (channel.starts_with("torque of ") || channel.starts_with("force of "));
   return fmt::format(
-      "look at {}: something acts there that no law found describes, or it is mostly noise",
-      channel);
+      "look at {}: something acts there that no law found describes, {}or it is mostly noise",
+      channel,
+      is_robot ? "the bodies that it carries are not those stated (body_uncertainty in the model "
+                 "frees them), "
+               : "");
 }
 
 // Where nothing was kept out, the fit's own errors must pass at least.
@@ -85,7 +91,7 @@ std::vector<VerdictReason> fitted_channel_reasons(const Diagnosis& diagnosis,
   if (worst == diagnosis.channels_after.end()) return {};
   return {at_most(
       fmt::format("error of the channel fitted worst ({}), % of its signal", worst->channel),
-      worst->nrmse, options.channel_tolerance, advice_on_channel(worst->channel))};
+      worst->nrmse, options.channel_tolerance, advice_on_channel(diagnosis, worst->channel))};
 }
 
 // The channel that is predicted worst: a good figure for all channels together may hide it.
@@ -108,7 +114,7 @@ std::vector<VerdictReason> channel_reasons(const Diagnosis& diagnosis,
   }
   if (worst.empty()) return fitted_channel_reasons(diagnosis, options);
   return {at_most(fmt::format("{} ({}), % of its signal", error, worst), largest,
-                  options.channel_tolerance, advice_on_channel(worst)),
+                  options.channel_tolerance, advice_on_channel(diagnosis, worst)),
           at_most(fmt::format("{} ({})", growth, grown), ratio, options.generalisation,
                   fmt::format("put recordings like those kept out into the fit, and look at {}",
                               grown))};
