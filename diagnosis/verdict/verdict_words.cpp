@@ -797,6 +797,19 @@ void add_effects(const Diagnosis& diagnosis, std::span<const Hypothesis> hypothe
   }
 }
 
+// The masses, dampings and springs that the model has by itself, as fitted: of a small model, whose
+// reader knows what to expect.
+void add_own_parameters(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
+  constexpr std::size_t kMost = 6;
+  const std::vector<LawParameterEstimate>& own = diagnosis.after.model_parameters;
+  if (own.empty() || own.size() > kMost) return;
+  std::string words;
+  for (const LawParameterEstimate& each : own) {
+    words += fmt::format("{}{} {}", words.empty() ? "" : ", ", each.name, estimate_words(each));
+  }
+  lines.push_back(fmt::format("The model's own parameters, as fitted: {}.", words));
+}
+
 void add_all_channels(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   if (diagnosis.remaining_structure && diagnosis.channels_after.size() > 1) {
     add_each_channel(diagnosis.channels_before, diagnosis.channels_after, lines);
@@ -878,6 +891,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   add_effects(diagnosis, hypotheses, lines);
   std::string trial = unfinished_words(diagnosis, hypotheses);
   if (!trial.empty()) lines.push_back(std::move(trial));
+  add_own_parameters(diagnosis, lines);
   add(lines_of_laws(diagnosis, hypotheses));
   add(freed_model_lines(diagnosis));
   add(rejected_lines(diagnosis, hypotheses));
