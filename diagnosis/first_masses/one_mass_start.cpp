@@ -38,12 +38,13 @@ VectorXd averaged(const VectorXd& signal, Index over) {
   return result;
 }
 
-VectorXd without_spikes(VectorXd signal) {
+VectorXd without_spikes(VectorXd signal, bool is_velocity) {
   for (const Spike& spike : find_spikes(signal)) {
     const Index k = spike.sample;
     signal(k) = signal(k > 0 ? k - 1 : k);
   }
-  if (const auto start = find_stale_start(signal)) {
+  const auto start = find_stale_start(signal);
+  if (start && !(is_velocity && may_have_set_off(signal, *start))) {
     signal.head(start->samples).setConstant(signal(start->samples));
   }
   return signal;
@@ -51,7 +52,7 @@ VectorXd without_spikes(VectorXd signal) {
 
 OneMassLog shortened(const OneMassLog& log, Index over) {
   OneMassLog result = log;
-  result.motion = without_spikes(log.motion);
+  result.motion = without_spikes(log.motion, log.is_velocity);
   if (over < 2) return result;
   result.force = averaged(log.force, over);
   result.motion = averaged(result.motion, over);

@@ -213,7 +213,7 @@ void add_stale_start(const ChannelSamples& samples, std::vector<Finding>& findin
     return;
   }
   const std::optional<StaleStart> start = find_stale_start(samples.values);
-  if (!start) return;
+  if (!start || (is_velocity && may_have_set_off(samples.values, *start))) return;
   jumps.insert(jumps.begin(), start->samples);
   findings.push_back(finding_of(
       samples, 0, "stale start", start->strength,

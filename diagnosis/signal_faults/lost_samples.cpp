@@ -60,4 +60,9 @@ std::optional<StaleStart> find_stale_start(const Eigen::Ref<const Eigen::VectorX
   return {};
 }
 
+bool may_have_set_off(const Eigen::Ref<const Eigen::VectorXd>& speed, const StaleStart& start) {
+  const double before = speed(start.samples - 1), behind = speed(start.samples);
+  return before * behind >= 0.0 && std::abs(before) < std::abs(behind);
+}
+
 }  // namespace graybox

@@ -39,4 +39,9 @@ struct StaleStart {
 [[nodiscard]] std::optional<StaleStart> find_stale_start(
     const Eigen::Ref<const Eigen::VectorXd>& values);
 
+// Whether a speed may have set off from rest within the row behind such a start: it is faster then,
+// the same way. Where rows are far apart that is no old value.
+[[nodiscard]] bool may_have_set_off(const Eigen::Ref<const Eigen::VectorXd>& speed,
+                                    const StaleStart& start);
+
 }  // namespace graybox

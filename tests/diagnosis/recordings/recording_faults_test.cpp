@@ -272,6 +272,22 @@ TEST(LostSamples, AreNoOldValuesInTheFirstRows) {
   EXPECT_FALSE(find_stale_start(response));
 }
 
+// 0, 342, 630, 654 rpm, read twice a second: the one row that shows how fast it sets off.
+TEST(LostSamples, AreNotASpeedThatSetsOff) {
+  VectorXd speed(100);
+  for (Index k = 0; k < 100; ++k) speed(k) = 654.0 - 0.5 * static_cast<double>(k % 50);
+  speed(0) = 342.0;
+  auto start = find_stale_start(speed);
+  ASSERT_TRUE(start);
+  EXPECT_TRUE(may_have_set_off(speed, *start));
+  for (const double old : {1200.0, -300.0}) {
+    speed(0) = old;
+    start = find_stale_start(speed);
+    ASSERT_TRUE(start);
+    EXPECT_FALSE(may_have_set_off(speed, *start)) << old;
+  }
+}
+
 TEST(LostSamples, LeaveAJumpInThePosition) {
   const VectorXd whole = motion(4000, 4);
   EXPECT_FALSE(find_lost_samples(times(4000), whole));
