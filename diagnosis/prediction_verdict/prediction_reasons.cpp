@@ -137,6 +137,19 @@ bool PredictionReasons::is_hidden_by_rounding() const {
   return true;
 }
 
+// The whole of each recording is foretold but for next to nothing: what force that takes does not
+// matter, since rounded or noisy positions, differentiated twice, look like a large one.
+bool PredictionReasons::is_next_to_nothing() const {
+  const JudgedModel& found = from_.final->found();
+  if (found.horizon != 0 || !found.fit.usable) return false;
+  for (Index j = 0; j < from_.data->output_count(); ++j) {
+    if (!(100.0 * found.error(j) <= kNotSmall * from_.data->output_scale()(j))) return false;
+    if (!found.held_out_error) continue;
+    if (!(100.0 * (*found.held_out_error)(j) <= kNotSmall * found.held_out_scale(j))) return false;
+  }
+  return true;
+}
+
 bool PredictionReasons::leaves_force() const {
   const UnmodelledForce& rest = from_.final->rest();
   return rest.force() != nullptr && 100.0 * rest.share() > kSmallForce;
@@ -273,6 +286,14 @@ void PredictionReasons::add_whole_held_out(const Diagnosis& diagnosis,
                       "error begins to grow"));
 }
 
+// Over so short windows anything is foretold.
+void PredictionReasons::add_whole_run(std::vector<VerdictReason>& list) const {
+  const double left = 100.0 * from_.final->rest().unexpected_in_the_end();
+  list.push_back(test("error over a whole recording, beyond what noise leaves, % of the signal",
+                      left, kWholeLimit, left <= kWholeLimit,
+                      "record longer: what is missing shows only in time, and no law was told"));
+}
+
 void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReason>& list) const {
   const std::string name = "growth of the error from the recordings of the fit to those kept out";
   const std::optional<HeldOutGrowth> growth = from_.final->growth();
@@ -361,9 +382,11 @@ void PredictionReasons::add_rest(const Diagnosis& diagnosis,
            structure == nullptr ? std::string() : advice_on(*structure)));
   const std::string place =
       from_.stated->mass_names[static_cast<std::size_t>(rest.force()->disturbance.coordinate)];
-  const bool is_excused = share > kRestLimit && is_hidden_by_rounding();
-  list.push_back(test(fmt::format("{} {}, % of the forces that act{}", kForceTest, place,
-                                  is_excused ? "; the encoder's steps hide it" : ""),
+  const char* excuse = "";
+  if (share > kRestLimit && is_next_to_nothing()) excuse = "; the motion that it makes is small";
+  if (share > kRestLimit && is_hidden_by_rounding()) excuse = "; the encoder's steps hide it";
+  const bool is_excused = *excuse != '\0';
+  list.push_back(test(fmt::format("{} {}, % of the forces that act{}", kForceTest, place, excuse),
                       share, kRestLimit, share <= kRestLimit || is_excused,
                       advice_on_force(share, diagnosis, !from_.data->moves_freely())));
   const double multiple = rest.multiple_of_rest();
@@ -385,11 +408,7 @@ std::vector<VerdictReason> PredictionReasons::of_nothing_missing(
   if (!from_.data->has_validation() && !has_stated_noise()) {
     list.push_back(nothing_kept_out(Verdict::kUnknown));
   }
-  // Over so short windows anything is foretold.
-  const double left = 100.0 * from_.final->rest().unexpected_in_the_end();
-  list.push_back(test("error over a whole recording, beyond what noise leaves, % of the signal",
-                      left, kWholeLimit, left <= kWholeLimit,
-                      "record longer: what is missing shows only in time, and no law was told"));
+  add_whole_run(list);
   if (std::ranges::any_of(list, has_failed)) return list;
   list.push_back(test("something is missing", {}, 0.0, false,
                       "nothing: the model as it is will do for motion like the recorded one",
@@ -415,6 +434,7 @@ std::vector<VerdictReason> PredictionReasons::of(const Diagnosis& diagnosis) con
   add_misleading(diagnosis, list);
   add_held_out(list);
   add_whole_held_out(diagnosis, list);
+  if (!diagnosis.validation_after) add_whole_run(list);
   add_growth(std::numeric_limits<double>::infinity(), list);
   add_against_as_given(diagnosis, list);
   add_rest(diagnosis, list);

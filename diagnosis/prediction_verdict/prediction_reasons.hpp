@@ -29,11 +29,13 @@ class PredictionReasons {
  private:
   [[nodiscard]] bool is_within_a_step() const;
   [[nodiscard]] bool is_hidden_by_rounding() const;
+  [[nodiscard]] bool is_next_to_nothing() const;
   // % of an output's signal.
   [[nodiscard]] double limit_of_error(Eigen::Index output, double scale) const;
   [[nodiscard]] bool has_stated_noise() const;  // of each output
   void add_held_out(std::vector<VerdictReason>& list) const;
   void add_whole_held_out(const Diagnosis& diagnosis, std::vector<VerdictReason>& list) const;
+  void add_whole_run(std::vector<VerdictReason>& list) const;
   void add_fitted(std::vector<VerdictReason>& list) const;
   // `most_of_small`: by how much an error may grow that is small all the same.
   void add_growth(double most_of_small, std::vector<VerdictReason>& list) const;

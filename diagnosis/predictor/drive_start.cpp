@@ -17,6 +17,8 @@ constexpr Index kFewest = 8;                        // samples
 constexpr double kRests = 0.05, kGoes = 1.0 / 3.0;  // of the rms speed
 constexpr double kLate = 0.42;                      // of the speed at which it goes
 
+constexpr Index kFewestSteady = 5;  // samples
+
 bool has_spring(const LumpedModel& model) {
   return std::ranges::any_of(model.parts, [](const Element& part) {
     return part.law_name == "stiffness" || part.law_name == "cubic_spring" ||
@@ -103,6 +105,21 @@ Index samples_at_rest(const LumpedModel& model, const OutputErrorRecording& reco
   Index count = 1;
   while (count < speed->size() && std::abs((*speed)(count)) <= still) ++count;
   return count;
+}
+
+Index samples_at_one_speed(const LumpedModel& model, const OutputErrorRecording& recording) {
+  constexpr double kKeeps = 0.05;  // of all that the speed covers
+  const bool is_one_mass = model.masses.size() == 1 && !model.imposed.front();
+  const bool is_velocity = model.outputs.front().quantity == LumpedOutput::Quantity::kVelocity;
+  if (!is_one_mass || !is_velocity || recording.past_inputs.rows() > 0) return 0;
+  Index count = recording.inputs.rows();
+  for (Index j = 0; j < recording.inputs.cols(); ++j) {
+    count = std::min(count, samples_at_start(recording.inputs.col(j)));
+  }
+  if (count < kFewestSteady || count > recording.outputs.rows() / 2) return 0;
+  const VectorXd speed = recording.outputs.col(0);
+  const auto span = [](const auto& values) { return values.maxCoeff() - values.minCoeff(); };
+  return span(speed.head(count)) <= kKeeps * span(speed) ? count : 0;
 }
 
 }  // namespace graybox

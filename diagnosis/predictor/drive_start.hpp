@@ -26,4 +26,10 @@ namespace graybox {
 [[nodiscard]] Eigen::Index samples_at_rest(const LumpedModel& model,
                                            const OutputErrorRecording& recording);
 
+// Samples with which a recording of one mass begins at one speed; 0: it does not. Its drives stay
+// for them, five samples or more and half of the recording at most, and its measured speed keeps
+// within a twentieth of all that it covers.
+[[nodiscard]] Eigen::Index samples_at_one_speed(const LumpedModel& model,
+                                                const OutputErrorRecording& recording);
+
 }  // namespace graybox

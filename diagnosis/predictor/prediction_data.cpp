@@ -374,7 +374,9 @@ PredictionData::PredictionData(const LumpedModel& model, OutputErrorData data, i
   for (std::size_t r = 0; r < recording_count(); ++r) {
     standing_.push_back(standing_samples(model, recording(r).outputs, noise_));
     const bool is_short = recording(r).time.size() < kShortRecording;
-    rests_at_start_.push_back(is_short ? samples_at_rest(model, recording(r)) : 0);
+    const Index at_start =
+        std::max(samples_at_rest(model, recording(r)), samples_at_one_speed(model, recording(r)));
+    rests_at_start_.push_back(is_short ? at_start : 0);
     const Eigen::VectorXd initial = measured_initial(r);
     largest_first_speeds_.push_back(rests_at_start_.back() > 0
                                         ? kTwice * std::abs(initial(initial.size() - 1))

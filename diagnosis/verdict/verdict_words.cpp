@@ -77,7 +77,29 @@ std::string loose_mass(const Diagnosis& diagnosis) {
 // Whether what is left of recordings kept out is little, though perhaps more than noise.
 bool foretells_nearly_all(const Diagnosis& diagnosis) {
   constexpr double kLittle = 5.0;  // % of the signal
-  return diagnosis.validation_after && diagnosis.validation_after->nrmse <= kLittle;
+  if (diagnosis.validation_after) return diagnosis.validation_after->nrmse <= kLittle;
+  return diagnosis.after.usable && diagnosis.after.seconds_ahead == 0.0 &&
+         diagnosis.after.estimation.nrmse <= kLittle;
+}
+
+// The headline where no law was found for what is missing.
+std::string no_law_words(const Diagnosis& diagnosis) {
+  if (foretells_nearly_all(diagnosis) && diagnosis.validation_after) {
+    return fmt::format(
+        "The model as it is foretells recordings kept out to {:.2g} % of the signal. That is more "
+        "than noise, and no law of the catalogue takes it.",
+        diagnosis.validation_after->nrmse);
+  }
+  if (foretells_nearly_all(diagnosis)) {
+    return fmt::format(
+        "The model as it is leaves {:.2g} % of the signal, and no law of the catalogue takes that. "
+        "No recordings were kept out to test it.",
+        diagnosis.after.estimation.nrmse);
+  }
+  return diagnosis.may_be_disturbed
+             ? "Something acts that the model does not have, and no law of the catalogue "
+               "explains it: a disturbance, or missing physics."
+             : "Physics is missing, and no law of the catalogue explains it.";
 }
 
 // The headline where no test saw that something is missing, and not all of them passed.
@@ -183,17 +205,7 @@ std::string headline(const Diagnosis& diagnosis) {
            "of "
            "the catalogue explains.";
   }
-  if (is_without_findings && foretells_nearly_all(diagnosis)) {
-    return fmt::format(
-        "The model as it is foretells recordings kept out to {:.2g} % of the signal. That is more "
-        "than noise, and no law of the catalogue takes it.",
-        diagnosis.validation_after->nrmse);
-  }
-  if (is_without_findings)
-    return diagnosis.may_be_disturbed
-               ? "Something acts that the model does not have, and no law of the catalogue "
-                 "explains it: a disturbance, or missing physics."
-               : "Physics is missing, and no law of the catalogue explains it.";
+  if (is_without_findings) return no_law_words(diagnosis);
   if (!diagnosis.departures.empty()) {
     return "Physics is missing; what was found comes close to it, but is not quite what is there.";
   }

@@ -181,5 +181,27 @@ TEST(DriveStart, PartsOfOneFileAreJoinedWhereTheyMeet) {
   EXPECT_EQ(data.recordings[2].past_inputs.rows(), 0);
 }
 
+// A step from one speed to another tells where it begins, and so all of the answer counts.
+TEST(DriveStart, ARecordingBeginsAtOneSpeedUntilItsDriveSteps) {
+  const LumpedModel by_speed = motor_with("");
+  OutputErrorRecording step = recording(25.0, 30.0);
+  constexpr Index kChange = 12;
+  for (Index k = 0; k < kSamples; ++k) {
+    const double since = 0.1 * static_cast<double>(k - kChange);
+    step.inputs(k, 0) = k < kChange ? 0.5 * kTorque : kTorque;
+    step.outputs(k, 0) =
+        k < kChange ? 15.0 + 0.01 * static_cast<double>(k % 2) : 30.0 - 15.0 * std::exp(-since);
+  }
+  EXPECT_EQ(samples_at_one_speed(by_speed, step), kChange);
+  EXPECT_EQ(samples_at_one_speed(motor_with("", "position"), step), 0);
+  OutputErrorRecording turning = step;
+  for (Index k = 0; k < kChange; ++k) turning.outputs(k, 0) = static_cast<double>(k);
+  EXPECT_EQ(samples_at_one_speed(by_speed, turning), 0);
+  EXPECT_EQ(samples_at_one_speed(by_speed, recording(25.0, 30.0)), 0)
+      << "it turns faster before its drive steps";
+  step.past_inputs = Eigen::MatrixXd::Constant(5, 1, kTorque);
+  EXPECT_EQ(samples_at_one_speed(by_speed, step), 0) << "a part of a file before it";
+}
+
 }  // namespace
 }  // namespace graybox
