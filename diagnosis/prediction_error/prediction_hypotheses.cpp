@@ -418,21 +418,30 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
     law.fixed = {false, false, !is_imposed};
     if (takes_over) law.replaces = coulomb;
     list.push_back(std::move(law));
-  } else if (plain.law == "driven_viscous" && !part_at(model, place, "asymmetric_viscous")) {
-    const bool takes_over = viscous && is_found(present, *viscous);
-    const double damping = takes_over ? value_of(present, *viscous, 0) : 0.0;
-    const double threshold = kNoDrive * input_peaks_[static_cast<std::size_t>(place.driver)];
-    LawExtension law =
-        amplitude(plain, {damping, damping, threshold}, 0, at.force / at.rms_rate, false);
-    law.fixed = {false, !takes_over, true};
-    if (takes_over) law.replaces = viscous;
-    list.push_back(std::move(law));
+  } else if (plain.law == "driven_viscous") {
+    extend_driven(plain, present, at, list);
   } else if (plain.law == "quadratic_drag" && at.rate(0.9) > kSpeeds * at.rate(0.2)) {
     list.push_back(amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.rms_rate), true));
   } else if (plain.law == "deflection_damping" && !winds_up(place, at)) {
     list.push_back(
         amplitude(plain, {0.0}, 0, at.force / (at.rms_rate * at.largest * at.largest), true));
   }
+}
+
+// Beside a damping of the model itself it is what the drive adds to that.
+void PredictionHypotheses::extend_driven(const LawExtension& plain,
+                                         const ExtendedLumpedModel& present, const MotionAt& at,
+                                         std::vector<LawExtension>& list) const {
+  if (part_at(present.model, plain.location, "asymmetric_viscous")) return;
+  const auto viscous = part_at(present.model, plain.location, "viscous");
+  const bool takes_over = viscous && is_found(present, *viscous);
+  const double damping = takes_over ? value_of(present, *viscous, 0) : 0.0;
+  const double peak = input_peaks_[static_cast<std::size_t>(plain.location.driver)];
+  LawExtension law =
+      amplitude(plain, {damping, damping, kNoDrive * peak}, 0, at.force / at.rms_rate, false);
+  law.fixed = {false, !takes_over, true};
+  if (takes_over) law.replaces = viscous;
+  list.push_back(std::move(law));
 }
 
 // A spring at a mass that goes on and on would wind up without end. Where the position is not

@@ -67,6 +67,8 @@ class PredictionHypotheses {
                     const std::vector<RippleTrial>& ripples, std::vector<LawExtension>& list) const;
   void extend_friction(const LawExtension& plain, const ExtendedLumpedModel& present,
                        const MotionAt& at, std::vector<LawExtension>& list) const;
+  void extend_driven(const LawExtension& plain, const ExtendedLumpedModel& present,
+                     const MotionAt& at, std::vector<LawExtension>& list) const;
   [[nodiscard]] bool winds_up(const Location& place, const MotionAt& at) const;
   void extend_spring(const LawExtension& plain, const ExtendedLumpedModel& present,
                      const MotionAt& at, std::vector<LawExtension>& list) const;
