@@ -756,6 +756,10 @@ std::string estimate_words(const LawParameterEstimate& estimate) {
     return fmt::format("{:.4g}{} (no standard error)", estimate.value, unit);
   }
   const bool is_absurd = error >= kBeyondPlain && error > kSaysNothing * std::abs(estimate.value);
+  constexpr double kRounding = 1e-9;  // of the value: no recording tells so much
+  if (error < kRounding * std::abs(estimate.value)) {
+    return fmt::format("{:.6g}{} (to rounding)", estimate.value, unit);
+  }
   if ((!is_determined(estimate) && error > kSaysNothing * std::abs(estimate.value)) || is_absurd) {
     return fmt::format("not determined (fitted at {:.2g}{})", estimate.value, unit);
   }
@@ -856,6 +860,17 @@ void add_test_of_rest(const Diagnosis& diagnosis, std::vector<std::string>& line
   }
 }
 
+// Real sensors leave something.
+void add_exact_fit(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
+  constexpr double kExact = 1e-6;  // % of the signal
+  const bool is_exact = diagnosis.after.usable && diagnosis.before.estimation.nrmse > kExact &&
+                        diagnosis.after.estimation.nrmse < kExact;
+  if (!is_exact) return;
+  lines.push_back(
+      "With it the channels fit each other to rounding, as no sensors do: one of them was computed "
+      "from the others, or all were simulated.");
+}
+
 // How far what is left follows from the motion, and from its own past.
 void add_memory_of_rest(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
   if (diagnosis.remaining_structure) {
@@ -918,6 +933,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
           diagnosis, lines);
   add_fit("recordings kept out of the fit", diagnosis.validation_before, diagnosis.validation_after,
           diagnosis, lines);
+  add_exact_fit(diagnosis, lines);
   add(kept_out_lines(diagnosis, hypotheses));
   add_test_of_rest(diagnosis, lines);
   if (diagnosis.verified) {

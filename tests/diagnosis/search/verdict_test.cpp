@@ -657,6 +657,19 @@ TEST(VerdictWords, DoNotCallPhysicsMissingWhereNothingWasSeen) {
   EXPECT_TRUE(headline(diagnosis).starts_with("Nothing was seen to be missing"));
 }
 
+// A column that is another one times -1.
+TEST(VerdictWords, SayThatNoSensorsFitToRounding) {
+  Diagnosis diagnosis = explained();
+  diagnosis.after.usable = true;
+  diagnosis.before.estimation.nrmse = 38.9;
+  diagnosis.after.estimation.nrmse = 3.1;
+  EXPECT_EQ(all_words(diagnosis).find("to rounding"), std::string::npos);
+  diagnosis.after.estimation.nrmse = 8.8e-14;
+  EXPECT_NE(all_words(diagnosis).find("one of them was computed"), std::string::npos);
+  EXPECT_EQ(estimate_words({"stiffness", "N m/rad", -57.29577951, 1e-14}),
+            "-57.2958 N m/rad (to rounding)");
+}
+
 TEST(VerdictWords, SayHowMuchAModelWithoutLawsForetells) {
   Diagnosis diagnosis;
   diagnosis.detection.detected = true;
