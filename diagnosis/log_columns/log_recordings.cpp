@@ -9,6 +9,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -293,6 +294,17 @@ std::vector<Eigen::VectorXd> measured_in(const LogRecording& recording) {
   return {};
 }
 
+// All that was logged but clocks and counters.
+std::vector<Eigen::VectorXd> values_of_rows(const LogRecording& recording) {
+  std::vector<Eigen::VectorXd> values;
+  for (const LogColumn& column : recording.columns) {
+    const bool is_logged =
+        column.words.quantity != LogQuantity::kTime && column.words.quantity != LogQuantity::kOther;
+    if (is_logged && column.moves() && !column.counts_rows()) values.push_back(column.values);
+  }
+  return values;
+}
+
 // Rows without a time, and those that a logger wrote again, leave. Throws InputError where too few
 // are left.
 void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) {
@@ -300,8 +312,10 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
     return column.words.quantity == LogQuantity::kTime && column.moves();
   });
   if (clock == recording.columns.end()) return;
-  const Eigen::VectorXd times = clock->values;
+  Eigen::VectorXd times = clock->values;
   const auto missing = static_cast<Eigen::Index>(times.array().isNaN().count());
+  const std::vector<Eigen::Index> again = repeated_rows(times, values_of_rows(recording));
+  for (const Eigen::Index row : again) times(row) = std::numeric_limits<double>::quiet_NaN();
   if (const auto bursts = find_bursts(times, measured_in(recording))) {
     recording.burst = bursts->within;
   }
@@ -310,6 +324,7 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
   if (kept == all) return;
   const std::string file = recording.files[clock->file].string();
   std::string why = missing > 0 ? fmt::format("{} rows without a time are left out", missing) : "";
+  if (!again.empty()) why += (why.empty() ? "" : "; ") + words_of_repeated(again);
   if (recording.burst >= 0.0) {
     why += fmt::format(
         "{}{} of {} rows are samples: the others {}", why.empty() ? "" : "; ", kept, all,

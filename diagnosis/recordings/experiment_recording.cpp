@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -153,6 +154,18 @@ void mend_wrong_stamps(const Campaign& campaign, const Experiment& experiment,
                           wrong.front().sample, words_of_stamps(wrong)));
 }
 
+// A row that is the sample of the row beside it, logged twice, has no time of its own. Where samples
+// are said to be even, no time is read.
+void forget_repeated_rows(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
+                          Eigen::VectorXd& times) {
+  if (campaign.sample_time) return;
+  std::vector<Eigen::VectorXd> values;
+  for (const ChannelColumn& each : columns) values.push_back(each.column->values);
+  for (const Index row : repeated_rows(times, values)) {
+    times(row) = std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
 void check_stated_sample_times(const Campaign& campaign, const FilesByKey& files,
                                ExperimentRecording& recording) {
   if (!campaign.sample_time) return;
@@ -272,8 +285,8 @@ void read_pieces(const Campaign& campaign, const Experiment& experiment,
     const Index left_out = campaign.sample_time ? 0 : leave_out_rows(campaign.time, piece);
     if (left_out > 0) {
       add_warning(recording, "time",
-                  fmt::format("{}: {} of {} rows are left out: they have no time, or are written "
-                              "again within a burst",
+                  fmt::format("{}: {} of {} rows are left out: they have no time, or are a sample "
+                              "that was written before",
                               experiment.name, left_out, size));
     }
     if (times.size() > 0) {
@@ -481,6 +494,7 @@ ExperimentRecording examine_experiment(const Campaign& campaign, std::size_t ind
       recorded_times(campaign, files, static_cast<Index>(recording.samples), recording);
   if (!recording.sound()) return recording;
   mend_wrong_stamps(campaign, experiment, times, recording);
+  forget_repeated_rows(campaign, columns, times);
   read_pieces(campaign, experiment, columns, times, recording);
   const std::string source = fmt::format("{}: {}", campaign.file.string(), experiment.name);
   const StepGroups steps = step_groups(campaign.preprocess);

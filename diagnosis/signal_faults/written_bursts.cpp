@@ -1,5 +1,7 @@
 #include "diagnosis/signal_faults/written_bursts.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -16,6 +18,11 @@ constexpr double kBetween = 0.05;              // of the pauses: steps of neithe
 constexpr double kFewestWithin = 0.3;          // of all steps
 constexpr double kMostChanges = 0.1;           // of all, within bursts
 constexpr std::size_t kFewestPauses = 12;
+
+// Of the median step. A logger that is late writes each row at its own time, and up to this part of
+// a step its samples count as even ones: what is nearer to a row than that was not due.
+constexpr double kNotDue = 0.1;
+constexpr std::size_t kOneIn = 50;  // steps at most is so short
 
 struct BurstSteps {
   std::size_t within = 0, between = 0;
@@ -82,6 +89,28 @@ double burst_by_steps(const Eigen::VectorXd& times) {
   return found.longest_burst < half && found.longest_burst > 0.0 ? half : -1.0;
 }
 
+// The least distance between stamps of two samples; 0 where steps below it are the log's manner.
+double least_step(const Eigen::VectorXd& times) {
+  std::vector<double> steps;
+  for (Index k = 1; k < times.size(); ++k) {
+    const double step = times(k) - times(k - 1);
+    if (std::isfinite(step)) steps.push_back(step);
+  }
+  if (steps.empty()) return 0.0;
+  const double least = kNotDue * quantile(Eigen::Map<const Eigen::VectorXd>(
+                                              steps.data(), static_cast<Index>(steps.size())),
+                                          0.5);
+  const auto are_short = static_cast<std::size_t>(
+      std::ranges::count_if(steps, [&](double step) { return step >= 0.0 && step < least; }));
+  return kOneIn * are_short > steps.size() ? 0.0 : least;
+}
+
+bool hold_the_same(const std::vector<Eigen::VectorXd>& values, Index one, Index other) {
+  return std::ranges::all_of(values, [&](const Eigen::VectorXd& each) {
+    return each(one) == each(other) || (std::isnan(each(one)) && std::isnan(each(other)));
+  });
+}
+
 }  // namespace
 
 std::optional<WrittenBursts> find_bursts(const Eigen::VectorXd& times,
@@ -107,6 +136,47 @@ std::vector<Index> rows_of_samples(const Eigen::Ref<const Eigen::VectorXd>& time
     rows.push_back(row);
   }
   return rows;
+}
+
+std::vector<Index> repeated_rows(const Eigen::VectorXd& times,
+                                 const std::vector<Eigen::VectorXd>& values) {
+  std::vector<Index> repeated;
+  const double least = values.empty() ? 0.0 : least_step(times);
+  Index before = -1, last = -1;  // the last rows that are no repetitions
+  for (Index row = 0; row < times.size(); ++row) {
+    if (!std::isfinite(times(row))) continue;
+    const double since = last < 0 ? -1.0 : times(row) - times(last);
+    if (since >= 0.0 && since < least) {
+      const bool is_last_again = hold_the_same(values, row, last);
+      if (!is_last_again && before >= 0 && hold_the_same(values, last, before)) {
+        repeated.push_back(last);
+        last = row;
+        continue;
+      }
+      if (is_last_again || (row + 1 < times.size() && hold_the_same(values, row, row + 1))) {
+        repeated.push_back(row);
+        continue;
+      }
+    }
+    before = last;
+    last = row;
+  }
+  return repeated;
+}
+
+std::string words_of_repeated(const std::vector<Index>& rows) {
+  if (rows.empty()) return "";
+  const Index first = rows.front() + 1;
+  if (rows.size() == 1) {
+    return fmt::format(
+        "row {} holds the values of a row beside it at a stamp where no sample is due: one sample "
+        "that was logged twice; it is left out",
+        first);
+  }
+  return fmt::format(
+      "{} rows hold the values of a row beside them at stamps where no sample is due (the first is "
+      "row {}): samples that were logged twice; they are left out",
+      rows.size(), first);
 }
 
 }  // namespace graybox

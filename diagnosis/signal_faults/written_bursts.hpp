@@ -6,11 +6,16 @@
 // steps are zero. And of all that a value changes by, at most a tenth falls within bursts: what was
 // measured anew in each row is no repetition. Cost: O(n log n).
 //
+// A single row is told otherwise: it holds the values of the row before or behind it, and another
+// row stands beside it, where no sample is due.
+//
 //   find_bursts(times, {angle})            // {0.06}: rows within 0.06 s of one are that one again
+//   repeated_rows(times, {angle, torque})  // {76}: stamped 0.7498 beside 0.75, with rows of 0.01 s
 #pragma once
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace graybox {
@@ -27,5 +32,15 @@ struct WrittenBursts {
 // no row is.
 [[nodiscard]] std::vector<Eigen::Index> rows_of_samples(
     const Eigen::Ref<const Eigen::VectorXd>& times, double within);
+
+// Single rows that are the sample of the row before or behind them, logged twice: all values are
+// equal bit for bit, and the stamp is less than a tenth of the median step from that of another
+// row. None where more than one step in fifty is so short: that is the manner of the log, and
+// find_bursts() has it.
+[[nodiscard]] std::vector<Eigen::Index> repeated_rows(const Eigen::VectorXd& times,
+                                                      const std::vector<Eigen::VectorXd>& values);
+
+// "3 rows hold the values of a row beside them ...": of the file, whose rows count from 1.
+[[nodiscard]] std::string words_of_repeated(const std::vector<Eigen::Index>& rows);
 
 }  // namespace graybox

@@ -199,6 +199,43 @@ TEST_F(LogDoors, RowsWrittenAgainAreOneSample) {
   }
 }
 
+// A logger writes row 99 once more, 0.2 ms before row 100: no sample is due there.
+TEST_F(LogDoors, ASampleThatWasLoggedTwiceIsLeftOut) {
+  constexpr Index kRows = 600, kAgain = 100;
+  const DoorAxis m = door_axis(kRows, 0.01);
+  DoorAxis twice{VectorXd(kRows + 1), VectorXd(kRows + 1), {}, VectorXd(kRows + 1)};
+  for (Index k = 0; k <= kRows; ++k) {
+    const Index row = k < kAgain ? k : k - 1;
+    twice.time(k) = k == kAgain ? m.time(kAgain) - 0.0002 : m.time(row);
+    twice.position(k) = m.position(row);
+    twice.force(k) = m.force(row);
+  }
+  EXPECT_EQ(repeated_rows(twice.time, {twice.position, twice.force}), std::vector<Index>{kAgain});
+  const ModelProposal proposal = proposed(table_of({{"time [s]", twice.time},
+                                                    {"position [rad]", twice.position},
+                                                    {"torque [N m]", twice.force}}));
+  EXPECT_TRUE(proposal.questions.empty()) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "row 101 holds the values of a row beside it")) << all_of(proposal);
+  EXPECT_FALSE(says(proposal, "jumps")) << all_of(proposal);
+  const ExperimentRecording run = loaded(proposal);
+  EXPECT_TRUE(std::ranges::any_of(run.findings, [](const Finding& finding) {
+    return finding.message.find("a sample that was written before") != std::string::npos;
+  }));
+  ASSERT_EQ(run.data.pieces.size(), 1U);
+  const SignalPiece& piece = run.data.pieces.front();
+  ASSERT_GT(piece.time.size(), kAgain + 50);
+  for (Index k = 0; k < piece.time.size(); ++k) {
+    const auto row = static_cast<Index>(std::lround(piece.time(k) / 0.01));
+    EXPECT_NEAR(piece.values(k, run.index_of("angle")), m.position(row), 1e-7);
+  }
+  // Rows that were measured anew are none, however near, and neither is what is written on time.
+  twice.position(kAgain) += 1e-4;
+  EXPECT_TRUE(repeated_rows(twice.time, {twice.position, twice.force}).empty());
+  VectorXd held = m.position;
+  held(kAgain) = held(kAgain - 1);
+  EXPECT_TRUE(repeated_rows(m.time, {held}).empty());
+}
+
 // Stamps of 10 ms for rows of 2 ms that were measured anew: no repetition. What is advised works.
 TEST_F(LogDoors, CoarseStampsOfNewMeasurementsAreToldAndTheAdviceWorks) {
   const DoorAxis m = door_axis(1000, 0.002);
