@@ -34,6 +34,14 @@ VectorXd place_of(const VectorXd& times, const VectorXd& speed) {
   return place;
 }
 
+// A weight or a spring that turns the motion round gives back the speed that it took: the motion
+// goes the other way at half the speed or more. An encoder's noise, or a push back, is less.
+bool turns_back(const VectorXd& speed, double last) {
+  constexpr double kAsFast = 0.5;
+  const double other_way = last > 0.0 ? -speed.minCoeff() : speed.maxCoeff();
+  return other_way >= kAsFast * std::abs(last);
+}
+
 // A speed that is gained within one sample is a first value that nobody measured.
 std::optional<UndrivenGain> speed_that_stays(const VectorXd& speed) {
   constexpr double kPart = 0.1, kGained = 3.0;    // of the samples; times the speed
@@ -45,7 +53,7 @@ std::optional<UndrivenGain> speed_that_stays(const VectorXd& speed) {
   const bool begins_at_rest =
       std::abs(speed(0)) <= kLow * std::abs(last) && deviation <= kSteady * std::abs(last);
   const double first = begins_at_rest ? speed(0) : speed.head(part).mean();
-  if (std::abs(last) < kGained * std::abs(first)) return {};
+  if (std::abs(last) < kGained * std::abs(first) || turns_back(speed, last)) return {};
   const double way = last > 0.0 ? 1.0 : -1.0, begin = way * first;
   const double gain = std::abs(last) - begin;
   UndrivenGain found{false, 0, 0, first, last};

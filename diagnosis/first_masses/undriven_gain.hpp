@@ -2,7 +2,8 @@
 // a spring gives back no more than it took.
 //
 // - A speed that grows and stays: from rest at the first sample, or threefold from the first tenth
-//   of the log to the last one, whose mean is at least half of the largest speed.
+//   of the log to the last one, whose mean is at least half of the largest speed. Where the motion
+//   goes the other way at half of that speed, a weight or a spring turns it round.
 // - A place that is left from rest, by a hand say, and comes back to rest there: whoever was at
 //   rest where a free motion ends has no energy to leave with.
 //

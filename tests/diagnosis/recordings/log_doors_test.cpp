@@ -328,6 +328,21 @@ TEST_F(LogDoors, ASpeedThatGrowsWithoutADriveIsTold) {
   EXPECT_FALSE(told(-20.0 * decay));
 }
 
+// Two and a half swings of a pendulum: slow in the first tenth of the log, fast in the last one.
+TEST_F(LogDoors, AFreeSwingGainsNoSpeedThatStays) {
+  const VectorXd time = VectorXd::LinSpaced(500, 0.0, 4.99);
+  ProposalRequest request;
+  request.no_drive = true;
+  for (const double way : {1.0, -1.0}) {
+    const VectorXd angle = time.unaryExpr([way](double t) {
+      return way * 0.2 * std::exp(-0.02 * t) * std::cos(std::numbers::pi * (t - 0.25));
+    });
+    const ModelProposal swing =
+        proposed(table_of({{"time [s]", time}, {"angle [rad]", angle}}), {}, request);
+    EXPECT_FALSE(says(swing, "though nothing is said to drive")) << all_of(swing);
+  }
+}
+
 // A pendulum that hangs, is lifted by a hand from 1 to 2 s, and swings out from there.
 TEST_F(LogDoors, ALiftByHandIsToldWithItsSeconds) {
   constexpr Index kRows = 800, kLifted = 200;
