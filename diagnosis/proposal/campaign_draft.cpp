@@ -291,10 +291,9 @@ std::string campaign_text(const CampaignDraft& draft, const std::vector<LogRecor
   for (const DraftChannel& channel : draft.channels) {
     text += channel_text(channel, recordings.front());
   }
-  text += behind("hold: " + draft.hold, draft.hold == "zero"
-                                            ? "a controller holds its output between samples"
-                                        : draft.hold_reason.empty() ? "uneven times"
-                                                                    : draft.hold_reason);
+  const char* usual =
+      draft.hold == "zero" ? "a controller holds its output between samples" : "uneven times";
+  text += behind("hold: " + draft.hold, draft.hold_reason.empty() ? usual : draft.hold_reason);
   text += preprocess_text(draft) + experiments_text(draft, recordings, folder);
   if (!draft.unused.empty()) text += "# Not used:\n";
   for (const std::string& each : draft.unused) text += "#   " + each + "\n";

@@ -85,6 +85,26 @@ void hold_as_measured(const MassMachine& machine, CampaignDraft& draft) {
   draft.hold_reason = "the drive was measured";
 }
 
+// What drives between samples, where something does. A force without a word of how it came to be
+// may be either: a command, or what a sensor read.
+void guess_hold(const MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
+  if (machine.drive == nullptr) return;
+  const ColumnWords& words = machine.drive->words;
+  const bool is_command = machine.has_goal() || words.is_reference;
+  if (draft.hold == "zero" && words.quantity == LogQuantity::kForce && !is_command) {
+    draft.hold_reason = "guessed: a command is held; 'first' where it was measured";
+  }
+  const std::string reason =
+      draft.hold == "zero"
+          ? draft.hold_reason.empty()
+                ? "between samples, as a controller holds its output; guessed"
+                : "between samples, as a command is held; guessed: where the drive was measured, "
+                  "write hold: first in campaign.yaml"
+          : fmt::format("evenly from sample to sample: {}",
+                        draft.hold_reason.empty() ? "uneven times" : draft.hold_reason);
+  add_guess(proposal, "hold", draft.hold, reason);
+}
+
 // A motion that was measured at a slower rate than logged: one of so many samples is taken.
 void take_held_motion(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
   if (!(draft.time.sample_time > 0.0) || draft.decimation > 1) return;
@@ -230,6 +250,7 @@ void find_times(MassMachine& machine, CampaignDraft& draft, ModelProposal& propo
 void take_held_values(MassMachine& machine, CampaignDraft& draft, ModelProposal& proposal) {
   if (!draft.time.is_even) draft.hold = "first";
   hold_as_measured(machine, draft);
+  guess_hold(machine, draft, proposal);
   take_held_motion(machine, draft, proposal);
   note_held_drive(machine, draft.time, proposal);
   note_fast_drive(machine, draft.time, proposal);

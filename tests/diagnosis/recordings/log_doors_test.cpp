@@ -453,6 +453,32 @@ TEST_F(LogDoors, AGoalIsInTheUnitOfAPosition) {
       "column 'goal' holds no numbers");
 }
 
+TEST_F(LogDoors, TheHoldOfADriveIsToldWithItsReason) {
+  const DoorAxis m = door_axis(600, 0.01);
+  const auto hold_of = [&](const std::string& drive) {
+    const ModelProposal proposal = proposed(
+        table_of({{"time [s]", m.time}, {"position [rad]", m.position}, {drive, m.force}}));
+    const bool is_zero = proposal.campaign_text.find("hold: zero") != std::string::npos;
+    const std::string hold = value_of(proposal, "hold");
+    EXPECT_TRUE(hold.starts_with(is_zero ? "zero; " : "first; ")) << all_of(proposal);
+    return hold;
+  };
+  const std::string usual = "zero; between samples, as a controller holds its output; guessed";
+  for (const char* title : {"current [A]", "pwm", "voltage [V]", "torque command [N m]"}) {
+    EXPECT_EQ(hold_of(title), usual) << title;
+  }
+  EXPECT_EQ(hold_of("torque measured [N m]"),
+            "first; evenly from sample to sample: the drive was measured");
+  EXPECT_NE(hold_of("torque [N m]").find("where the drive was measured, write hold: first"),
+            std::string::npos);
+  ProposalRequest request;
+  request.no_drive = true;
+  EXPECT_EQ(value_of(proposed(table_of({{"time [s]", m.time}, {"position [rad]", m.position}}), {},
+                              request),
+                     "hold"),
+            "");
+}
+
 TEST_F(LogDoors, AStepFromZeroIsNoSupply) {
   const DoorAxis m = door_axis(400, 0.01);
   VectorXd step = VectorXd::Constant(400, 12.0), supply = step;
