@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -24,6 +25,64 @@ void refuse_odd_unit(const LogColumn& column, const char* quantity, const char* 
       "{}: column '{}': '{}' is no unit of a {} that is known ({}): say --column '{}={}:{}'",
       column.file_name, column.name, column.words.odd_unit, quantity,
       known_units_of(column.words.quantity), column.name, quantity, unit));
+}
+
+// What a joint moves by over a hundredth of each log, which passes over the steps of an encoder.
+std::vector<Eigen::VectorXd> ways_of(const LogColumn& position,
+                                     const std::vector<LogRecording>& recordings) {
+  std::vector<Eigen::VectorXd> ways;
+  for (const LogRecording& recording : recordings) {
+    const Eigen::VectorXd place = without_gaps(recording.at(position.file, position.name).values);
+    const Eigen::Index over = std::max<Eigen::Index>(1, place.size() / 100);
+    const Eigen::Index count = std::max<Eigen::Index>(0, place.size() - over);
+    ways.emplace_back(place.tail(count) - place.head(count));
+  }
+  return ways;
+}
+
+// Of two joints' velocities, in all logs together; 0 where one stands still.
+double correlation(const std::vector<Eigen::VectorXd>& one,
+                   const std::vector<Eigen::VectorXd>& other) {
+  double product = 0.0, squares = 0.0, squares_of_other = 0.0;
+  for (std::size_t k = 0; k < one.size(); ++k) {
+    product += one[k].dot(other[k]);
+    squares += one[k].squaredNorm();
+    squares_of_other += other[k].squaredNorm();
+  }
+  const double size = std::sqrt(squares * squares_of_other);
+  return size > 0.0 ? product / size : 0.0;
+}
+
+// Joints that move in proportion to the first of them.
+struct JointsTogether {
+  std::vector<std::size_t> joints;
+  double least = 1.0;  // correlation
+};
+
+// At a correlation r the sizes of two joints are told 1/sqrt(1 - r^2) times worse than where each
+// moves by itself: fivefold at 0.98, of what little is a joint's own motion.
+std::vector<JointsTogether> joints_together(const LoggedRobot& robot,
+                                            const std::vector<LogRecording>& recordings) {
+  constexpr double kInProportion = 0.98;
+  std::vector<JointsTogether> groups;
+  std::vector<std::vector<Eigen::VectorXd>> ways_of_first;
+  for (const std::size_t joint : robot.chain()) {
+    if (!robot.position(joint).moves()) continue;
+    std::vector<Eigen::VectorXd> ways = ways_of(robot.position(joint), recordings);
+    bool is_new = true;
+    for (std::size_t k = 0; k < groups.size() && is_new; ++k) {
+      const double found = std::abs(correlation(ways_of_first[k], ways));
+      if (!(found > kInProportion)) continue;
+      groups[k].joints.push_back(joint);
+      groups[k].least = std::min(groups[k].least, found);
+      is_new = false;
+    }
+    if (!is_new) continue;
+    groups.push_back({{joint}});
+    ways_of_first.push_back(std::move(ways));
+  }
+  std::erase_if(groups, [](const JointsTogether& group) { return group.joints.size() < 2; });
+  return groups;
 }
 
 class RobotCampaignDraft {
@@ -62,6 +121,7 @@ class RobotCampaignDraft {
     guess_forces();
     guess_filter(decisive);
     split_in_blocks();
+    note_proportional();
     return {std::move(draft_), gains_known_};
   }
 
@@ -239,6 +299,25 @@ class RobotCampaignDraft {
           "joint {}: zeros tell nothing of its own motion while the other drives' gains are "
           "unknown; state their unit, as in --column 'NAME=torque:N m'",
           name));
+    }
+  }
+
+  // What moves together all the time can't be told apart.
+  void note_proportional() {
+    for (const JointsTogether& group : joints_together(robot_, recordings_)) {
+      std::string names;
+      for (std::size_t k = 0; k < group.joints.size(); ++k) {
+        names += (k == 0                        ? ""
+                  : k + 1 < group.joints.size() ? ", "
+                                                : " and ") +
+                 robot_.joints()[group.joints[k]].name;
+      }
+      const double own = 100.0 * std::sqrt(std::max(0.0, 1.0 - group.least * group.least));
+      proposal_.notes.push_back(fmt::format(
+          "joints {} move in proportion (to {:.0f} % of their speed): {} can't tell their friction "
+          "or loads apart; move them one after another, or at different times",
+          names, std::max(1.0, std::ceil(own)),
+          recordings_.size() > 1 ? "these logs" : "this log"));
     }
   }
 

@@ -163,6 +163,28 @@ TEST_F(RobotLogs, ALockedJointThatMovesIsTold) {
   EXPECT_EQ(notes_of(added).find("locked"), std::string::npos) << notes_of(added);
 }
 
+TEST_F(RobotLogs, JointsThatMoveInProportionAreTold) {
+  const auto columns_with = [](const Signal& elbow) {
+    std::vector<std::pair<std::string, Signal>> columns = two_joints("wrist");
+    columns.insert(columns.begin() + 2,
+                   {{"elbow_pos", elbow}, {"elbow_effort", columns[1].second}});
+    return columns;
+  };
+  const auto notes_with = [&](const Signal& elbow) {
+    return notes_of(proposed({"waist", "elbow", "wrist"}, columns_with(elbow)));
+  };
+  for (const double size : {0.5, -0.5}) {
+    const std::string notes = notes_with(
+        [=](double t) { return 0.4 + size * std::sin(3.0 * t) + 0.02 * std::sin(4.1 * t); });
+    EXPECT_NE(notes.find("joints waist and elbow move in proportion (to "), std::string::npos)
+        << notes;
+    EXPECT_NE(notes.find("this log can't tell their friction or loads apart"), std::string::npos);
+  }
+  // A third of a radian later a joint goes its own way.
+  EXPECT_EQ(notes_with(swing(0.5, 3.0, 0.35)).find("in proportion"), std::string::npos);
+  EXPECT_EQ(notes_with(swing(0.5, 2.0, 0.0)).find("in proportion"), std::string::npos);
+}
+
 TEST_F(RobotLogs, FrictionThatTheUrdfStatesIsToldAndLeftOut) {
   EXPECT_EQ(notes_of(proposed({"waist", "wrist"}, two_joints("wrist"))).find("<dynamics>"),
             std::string::npos);
