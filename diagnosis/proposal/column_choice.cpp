@@ -315,6 +315,20 @@ void offer_commands(const std::vector<const LogColumn*>& columns, OpenQuestion& 
   }
 }
 
+// A reference of a position. Where it never changes the step to it came before the first row: then
+// a title without a word for a quantity may be one, too, beside a position that moves.
+bool may_be_goal(const LogColumn& column, const std::vector<const LogColumn*>& columns) {
+  const LogQuantity quantity = column.words.quantity;
+  if (!column.words.is_reference || column.is_goal) return false;
+  if (column.moves()) return quantity == LogQuantity::kPosition;
+  if (column.answered || !column.values.array().isFinite().any()) return false;
+  const std::vector<const LogColumn*> places = moving_columns(columns, LogQuantity::kPosition);
+  const bool is_beside_place = std::ranges::any_of(
+      places, [](const LogColumn* place) { return !place->words.is_reference; });
+  return is_beside_place &&
+         (quantity == LogQuantity::kPosition || quantity == LogQuantity::kUnknown);
+}
+
 }  // namespace
 
 const LogColumn* goal_among(const std::vector<const LogColumn*>& columns) {
@@ -323,8 +337,8 @@ const LogColumn* goal_among(const std::vector<const LogColumn*>& columns) {
 }
 
 void offer_goals(const std::vector<const LogColumn*>& columns, OpenQuestion& question) {
-  for (const LogColumn* column : moving_columns(columns, LogQuantity::kPosition)) {
-    if (!column->words.is_reference) continue;
+  for (const LogColumn* column : columns) {
+    if (!may_be_goal(*column, columns)) continue;
     question.choices.push_back(
         {fmt::format("a position servo that follows '{}', a reference", column->name),
          {column->name + "=goal"}});

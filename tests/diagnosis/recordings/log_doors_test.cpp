@@ -404,6 +404,29 @@ TEST_F(LogDoors, AServosGoalDrivesThroughItsSpring) {
               1e-9);
 }
 
+// A step of the goal before the first row is constant in the log.
+TEST_F(LogDoors, AGoalThatNeverChangesIsOffered) {
+  const VectorXd time = VectorXd::LinSpaced(300, 0.0, 2.99);
+  const VectorXd place = time.unaryExpr([](double t) { return 1.5 - 1.5 * std::exp(-4.0 * t); });
+  const VectorXd goal = VectorXd::Constant(300, 1.5);
+  for (const char* title : {"goal_position [rad]", "goal_rad", "setpoint", "target"}) {
+    const std::string text = table_of({{"time [s]", time}, {"pos_rad", place}, {title, goal}});
+    const ModelProposal asked = proposed(text);
+    ASSERT_EQ(asked.questions.size(), 1U) << all_of(asked);
+    const std::string name = std::string(title).substr(0, std::string(title).find(' '));
+    EXPECT_TRUE(says(asked, fmt::format("--column '{}=goal'", name))) << all_of(asked);
+    const ModelProposal answered = proposed(text, {name + "=goal"});
+    EXPECT_TRUE(answered.questions.empty()) << all_of(answered);
+    EXPECT_TRUE(says(answered, "the goal drives through it")) << all_of(answered);
+  }
+  // A speed's goal is none of a position, and neither is what no title calls one.
+  for (const char* title : {"goal_speed [rad/s]", "battery", "mode"}) {
+    const ModelProposal asked =
+        proposed(table_of({{"time [s]", time}, {"pos_rad", place}, {title, goal}}));
+    EXPECT_FALSE(says(asked, "=goal'")) << all_of(asked);
+  }
+}
+
 // The flat crests of a goal are wanted; those of a torque may be a drive's end.
 TEST_F(LogDoors, AGoalDoesNotSaturate) {
   const DoorAxis m = door_axis(1500, 0.01);
