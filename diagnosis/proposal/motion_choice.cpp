@@ -33,6 +33,14 @@ double span_of(const LogColumn& column) {
   return values.maxCoeff() - values.minCoeff();
 }
 
+// An angle by its title that is beyond radians of few turns all the time: 76 to 91 of a tilt. In
+// degrees it would be within a turn or so; only a machine of many turns has such radians.
+bool lies_beyond_radians(const LogColumn& column) {
+  const Eigen::VectorXd values = without_gaps(column.values);
+  return column.words.motion == MotionKind::kRotary &&
+         values.array().abs().minCoeff() > kRadiansOpen;
+}
+
 bool holds_counts(const LogColumn& column) {
   if (!column.words.unit.empty() || column.has_gaps() || span_of(column) < 100.0) return false;
   return (column.values.array() == column.values.array().round()).all();
@@ -500,6 +508,9 @@ class MotionUnitChoice {
     } else if (motion() == MotionKind::kRotary && span_of(*position_) > kRadiansOpen) {
       ask_unit(position_, "position", {"rad", "deg"});
       take(position_, false, "rad", "open");
+    } else if (motion() == MotionKind::kRotary && lies_beyond_radians(*position_)) {
+      ask_unit(position_, "position", {"deg", "rad"});
+      take(position_, false, "rad", "open");
     } else {
       take(position_, false, si_unit(false, motion()), "guessed: no unit is stated");
     }
@@ -629,8 +640,12 @@ class MotionUnitChoice {
                 std::initializer_list<const char*> units) {
     if (!column->words.odd_unit.empty()) return;  // it is asked below
     OpenQuestion question;
-    question.text = fmt::format("'{}' spans {:.3g} and has no unit: which is it?", column->name,
-                                span_of(*column));
+    const Eigen::VectorXd values = without_gaps(column->values);
+    const std::string size =
+        span_of(*column) > kRadiansOpen
+            ? fmt::format("spans {:.3g}", span_of(*column))
+            : fmt::format("lies between {:.3g} and {:.3g}", values.minCoeff(), values.maxCoeff());
+    question.text = fmt::format("'{}' {} and has no unit: which is it?", column->name, size);
     question.option = fmt::format("--column '{}={}:{}'", column->name, quantity, *units.begin());
     for (const char* unit : units) {
       question.choices.push_back({unit, {fmt::format("{}={}:{}", column->name, quantity, unit)}});

@@ -153,6 +153,29 @@ TEST_F(LogMotions, WordsAreNoLetters) {
   EXPECT_EQ(drive_of("u"), "'u'; a letter that usually means that");
 }
 
+// 76 to 91 of a tilt are hardly radians: twelve turns from zero, and never back.
+TEST_F(LogMotions, AnAngleFarFromZeroIsAskedForItsUnit) {
+  const Rows rows = rows_of(two_sines, 600, 0.01);
+  const auto asks = [&](const std::string& title, double size, double offset) {
+    const Values place = mapped(
+        rows.position, [=](double q) { return std::round(100.0 * (offset + size * q)) / 100.0; });
+    const ModelProposal proposal =
+        proposed({{"time [s]", rows.time}, {"torque [N m]", rows.force}, {title, place}});
+    const bool any = !proposal.questions.empty();
+    EXPECT_EQ(any, says(proposal, "and has no unit: which is it?")) << all_of(proposal);
+    if (any) {
+      EXPECT_TRUE(says(proposal, "lies between ")) << all_of(proposal);
+      EXPECT_TRUE(says(proposal, fmt::format("--column '{}=position:deg'", title)));
+    }
+    return any;
+  };
+  EXPECT_TRUE(asks("tilt", 0.2, 84.0));
+  EXPECT_TRUE(asks("angle", 0.2, -84.0));
+  EXPECT_FALSE(asks("tilt", 0.2, 1.5));
+  EXPECT_FALSE(asks("tilt [rad]", 0.2, 84.0));
+  EXPECT_FALSE(asks("position", 0.2, 84.0));  // of a motor, after many turns
+}
+
 // What its title calls a position or a velocity does not drive, though it stands still.
 TEST_F(LogMotions, StillMotionsAreNoDrives) {
   const Rows rows = rows_of(two_sines, 600, 0.01);

@@ -122,6 +122,14 @@ TEST(LogTitles, SignsAndOtherWordsOfMotionAndTime) {
       {"uptime", Q::kTime, ""},
   });
   EXPECT_EQ(read_column_words("gyro_z", "").motion, MotionKind::kRotary);
+  for (const char* title :
+       {"pan", "tilt", "yaw", "pitch", "roll", "azimuth", "elevation", "heading"}) {
+    const ColumnWords words = read_column_words(title, "");
+    EXPECT_EQ(words.quantity, Q::kPosition) << title;
+    EXPECT_EQ(words.motion, MotionKind::kRotary) << title;
+  }
+  EXPECT_TRUE(read_column_words("pan_target", "").is_reference);
+  EXPECT_EQ(read_column_words("pan_current", "").quantity, Q::kCurrent);
 }
 
 // ---- files --------------------------------------------------------------------------------------
