@@ -37,6 +37,7 @@ struct LogFile {
   std::optional<double> sample_time;
   std::vector<std::string> remarks = {};
   std::vector<std::string> left_out = {};
+  Eigen::Index rows = 0;  // of the longest column, whether or not they are enough
 
   [[nodiscard]] Eigen::Index samples() const { return columns.front().values.size(); }
 };
@@ -78,6 +79,9 @@ LogFile read_log(const std::filesystem::path& path) {
   RecordingFile file = read_recording_file(path);
   LogFile log{path, {}, read_column_words(path.stem().string(), ""), file.sample_time};
   const Eigen::Index length = usual_length(file);
+  for (const RecordedColumn& column : file.columns) {
+    log.rows = std::max(log.rows, column.values.size());
+  }
   for (RecordedColumn& column : file.columns) {
     if (length == 0 || column.values.size() != length) continue;
     const ColumnWords words = words_with_file(column, log.words);
@@ -334,8 +338,10 @@ void leave_out_rows(LogRecording& recording, std::vector<std::string>* remarks) 
             : fmt::format("repeat the '{}' of one", clock->name));
   }
   if (kept < kFewestSamples) {
-    throw InputError(fmt::format("{}: {}; a recording needs {} samples at least: give a longer log",
-                                 file, why, kFewestSamples));
+    throw InputError(
+        fmt::format("{}: {}; {} are left, and a recording needs {} samples at least: give a longer "
+                    "log",
+                    file, why, kept, kFewestSamples));
   }
   for (LogColumn& column : recording.columns) column.values = column.values(rows).eval();
   recording.rows = std::move(rows);
@@ -558,7 +564,7 @@ void leave_out_copies(std::vector<LogFile>& logs, std::vector<std::string>* rema
 std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
                                std::vector<std::string>* remarks) {
   std::vector<LogFile> logs;
-  std::filesystem::path first_short;
+  std::string first_short;
   for (const std::filesystem::path& path : files) {
     LogFile log = read_log(path);
     if (remarks != nullptr) {
@@ -568,14 +574,17 @@ std::vector<LogFile> long_logs(const std::vector<std::filesystem::path>& files,
       logs.push_back(std::move(log));
       continue;
     }
-    if (first_short.empty()) first_short = path;
+    const std::string too_few = fmt::format("{} row{}, and a recording needs {} samples at least",
+                                            log.rows, log.rows == 1 ? "" : "s", kFewestSamples);
+    if (first_short.empty()) first_short = fmt::format("{}: {}", path.string(), too_few);
     if (remarks == nullptr) continue;
-    remarks->push_back(fmt::format("{} is left out: a recording needs {} samples at least",
-                                   path.filename().string(), kFewestSamples));
+    remarks->push_back(fmt::format("{} is left out: {}", path.filename().string(), too_few));
   }
   if (logs.empty()) {
-    throw InputError(fmt::format("{}: a recording needs {} samples at least; give a longer log",
-                                 first_short.string(), kFewestSamples));
+    throw InputError(
+        first_short +
+        ". Log longer, or write model and campaign by hand for graybox fit, which takes less. A "
+        "table of steady states, a row for each, is no recording over time: fit a curve to it");
   }
   leave_out_copies(logs, remarks);
   return logs;

@@ -729,10 +729,15 @@ TEST_F(LogDoubts, AShortRunIsLeftOutBesideLongerOnes) {
         {{"time [s]", each.time}, {"angle [rad]", each.position}, {"torque [Nm]", each.force}});
   };
   const ModelProposal proposal = written({file("a.csv", m), file("b.csv", few)});
-  EXPECT_NE(notes_of(proposal).find("b.csv is left out"), std::string::npos) << notes_of(proposal);
+  EXPECT_NE(notes_of(proposal).find("b.csv is left out: 39 rows, and a recording needs 50"),
+            std::string::npos)
+      << notes_of(proposal);
   ProposalRequest alone;
   alone.logs = {folder_.file("b.csv")};
-  testing::expect_refused([&] { return propose_model(alone); }, "needs 50 samples");
+  testing::expect_refused([&] { return propose_model(alone); },
+                          "b.csv: 39 rows, and a recording needs 50 samples");
+  testing::expect_refused([&] { return propose_model(alone); },
+                          "A table of steady states, a row for each, is no recording over time");
 }
 
 // ---- uneven times, short logs, gears ------------------------------------------------------------
