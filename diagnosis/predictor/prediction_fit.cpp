@@ -1,7 +1,10 @@
 #include "diagnosis/predictor/prediction_fit.hpp"
 
+#include <omp.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "diagnosis/predictor/left_out_blocks.hpp"
@@ -109,50 +112,87 @@ MatrixXd PredictionFitter::gain_of(const ExtendedLumpedModel& model) const {
   return stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
 }
 
-bool PredictionFitter::run_all(
-    const ExtendedLumpedModel& model, const InitialStates& initials, const MatrixXd& given,
-    const std::function<void(std::size_t, const MatrixXd&, const MatrixXd&)>& take,
-    bool with_states) const {
-  Predictor predictor = predictor_of(model);
-  MatrixXd gain = given, errors, states;
-  if (!task_->is_free() && gain.rows() != predictor.state_count()) {
-    gain =
-        stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
-  }
-  DriveSignals signals(data_->recordings(), data_->hold(), data_->nodes());
-  for (std::size_t r = 0; r < task_->runs.size(); ++r) {
-    const PredictionRun& run = task_->runs[r];
-    const NodeInputs& drive = signals.of(run.recording, model.model, data_->sample_time());
-    const OutputErrorRecording& recording = data_->recording(run.recording);
-    const bool whole = run.samples == recording.outputs.rows();
-    const MatrixXd part = whole ? MatrixXd() : MatrixXd(recording.outputs.topRows(run.samples));
-    if (!predictor.run(drive, whole ? recording.outputs : part, run.forecasts(), gain, initials[r],
-                       errors, with_states ? &states : nullptr)) {
-      return false;
+MatrixXd PredictionFitter::gain_for(const ExtendedLumpedModel& model, const MatrixXd& given,
+                                    Predictor& predictor) const {
+  if (task_->is_free() || given.rows() == predictor.state_count()) return given;
+  return stationary_gain(predictor, model.model, data_->sample_time(), intensity_, data_->noise());
+}
+
+// What a thread needs to run a model.
+struct PredictionFitter::Runner {
+  Predictor predictor;
+  DriveSignals signals;
+  MatrixXd errors, states;
+};
+
+PredictionFitter::Runner PredictionFitter::runner_of(const ExtendedLumpedModel& model) const {
+  return {predictor_of(model),
+          DriveSignals(data_->recordings(), data_->hold(), data_->nodes()),
+          {},
+          {}};
+}
+
+bool PredictionFitter::run_one(std::size_t r, const ExtendedLumpedModel& model,
+                               const InitialStates& initials, const MatrixXd& gain,
+                               bool with_states, Runner& runner) const {
+  const PredictionRun& run = task_->runs[r];
+  const NodeInputs& drive = runner.signals.of(run.recording, model.model, data_->sample_time());
+  const OutputErrorRecording& recording = data_->recording(run.recording);
+  const bool whole = run.samples == recording.outputs.rows();
+  const MatrixXd part = whole ? MatrixXd() : MatrixXd(recording.outputs.topRows(run.samples));
+  return runner.predictor.run(drive, whole ? recording.outputs : part, run.forecasts(), gain,
+                              initials[r], runner.errors, with_states ? &runner.states : nullptr);
+}
+
+// Rows of a run: sample by sample, all outputs.
+void PredictionFitter::weigh(std::size_t r, const MatrixXd& errors, const VectorXd& weights,
+                             Eigen::Ref<VectorXd> rows) const {
+  const PredictionRun& run = task_->runs[r];
+  const Index outputs = data_->output_count();
+  Index next = 0;
+  for (Index k = 0; k < run.samples; ++k) {
+    const bool counts = run.counts(k);
+    for (Index j = 0; j < outputs; ++j) {
+      rows(next++) = counts ? errors(k, j) / weights(j) : 0.0;
     }
-    take(r, errors, states);
   }
-  return true;
+}
+
+std::vector<Index> PredictionFitter::first_rows() const {
+  std::vector<Index> first{0};
+  for (const PredictionRun& run : task_->runs) {
+    first.push_back(first.back() + run.samples * data_->output_count());
+  }
+  return first;
 }
 
 bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorXd& weights,
-                                 const InitialStates& initials, const MatrixXd& gain,
+                                 const InitialStates& initials, const MatrixXd& given,
                                  VectorXd& result) const {
-  const Index outputs = data_->output_count();
-  result.resize(task_->rows(outputs));
-  Index next = 0;
-  return run_all(
-      model, initials, gain,
-      [&](std::size_t r, const MatrixXd& errors, const MatrixXd&) {
-        const PredictionRun& run = task_->runs[r];
-        for (Index k = 0; k < run.samples; ++k) {
-          const bool counts = run.counts(k);
-          for (Index j = 0; j < outputs; ++j) {
-            result(next++) = counts ? errors(k, j) / weights(j) : 0.0;
-          }
-        }
-      },
-      false);
+  const std::vector<Index> first = first_rows();
+  const auto runs = std::ssize(task_->runs);
+  result.resize(first.back());
+  const MatrixXd gain = [&] {
+    Predictor predictor = predictor_of(model);
+    return gain_for(model, given, predictor);
+  }();
+  std::atomic<bool> is_bounded = true;
+  const bool is_shared = threads_ > 1 && runs > 1 && omp_in_parallel() == 0;
+#pragma omp parallel num_threads(threads_) if (is_shared)
+  {
+    Runner runner = runner_of(model);
+#pragma omp for schedule(dynamic)
+    for (std::ptrdiff_t r = 0; r < runs; ++r) {
+      const auto at = static_cast<std::size_t>(r);
+      if (!is_bounded) continue;
+      if (run_one(at, model, initials, gain, false, runner)) {
+        weigh(at, runner.errors, weights, result.segment(first[at], first[at + 1] - first[at]));
+      } else {
+        is_bounded = false;
+      }
+    }
+  }
+  return is_bounded;
 }
 
 VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit, const VectorXd& weights,
@@ -178,12 +218,17 @@ VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit, const Vecto
 MatrixXd PredictionFitter::motion(const PredictionFit& fit) const {
   const auto coordinates = static_cast<Index>(fit.model.model.imposed.size());
   MatrixXd all(task_->rows(1), 2 * coordinates);
+  Runner runner = runner_of(fit.model);
+  const MatrixXd gain = gain_for(fit.model, fit.gain, runner.predictor);
   Index next = 0;
-  const auto take = [&](std::size_t, const MatrixXd& errors, const MatrixXd& states) {
-    all.middleRows(next, errors.rows()) = states;
-    next += errors.rows();
-  };
-  if (!run_all(fit.model, fit.initials, fit.gain, take, true)) all.setZero();
+  for (std::size_t r = 0; r < task_->runs.size(); ++r) {
+    if (!run_one(r, fit.model, fit.initials, gain, true, runner)) {
+      all.setZero();
+      break;
+    }
+    all.middleRows(next, runner.states.rows()) = runner.states;
+    next += runner.states.rows();
+  }
   return all;
 }
 
@@ -251,22 +296,45 @@ double PredictionFitter::difference_step(const Point& at, std::span<const std::s
   return space.value(z + step) <= value ? -step : step;
 }
 
+// How the residuals change with one coordinate; zero where the motion leaves all bounds. `run`: the
+// one that the coordinate is an initial state of. The others don't depend on it.
+void PredictionFitter::difference(const Point& at, std::span<const std::size_t> free,
+                                  const VectorXd& weights, double share, Index column,
+                                  std::optional<std::size_t> run, MatrixXd& result) const {
+  const std::vector<Index> first = first_rows();
+  VectorXd step = VectorXd::Zero(result.cols());
+  double size = share * difference_step(at, free, column);
+  for (int trial = 0; trial < 2; ++trial, size *= -0.1) {
+    step(column) = size;
+    Point beside = moved(at, free, step);
+    if (!run) {
+      if (!evaluate(beside, weights)) continue;
+      result.col(column) = (beside.residuals - at.residuals) / size;
+      return;
+    }
+    Runner runner = runner_of(beside.model);
+    const Index rows = first[*run + 1] - first[*run];
+    VectorXd residuals(rows);
+    if (!run_one(*run, beside.model, beside.initials, beside.gain, false, runner)) continue;
+    weigh(*run, runner.errors, weights, residuals);
+    if (!residuals.allFinite()) continue;
+    result.col(column).segment(first[*run], rows) =
+        (residuals - at.residuals.segment(first[*run], rows)) / size;
+    return;
+  }
+}
+
 MatrixXd PredictionFitter::jacobian(const Point& at, std::span<const std::size_t> free,
                                     const VectorXd& weights, double share) const {
-  const Index parameters = static_cast<Index>(free.size());
-  const Index columns = parameters + initial_columns(at);
+  std::vector<std::optional<std::size_t>> runs(free.size());  // by column
+  for (std::size_t r = 0; initial_columns(at) > 0 && r < at.initials.size(); ++r) {
+    runs.insert(runs.end(), static_cast<std::size_t>(at.initials[r].size()), r);
+  }
+  const auto columns = std::ssize(runs);
   MatrixXd result = MatrixXd::Zero(at.residuals.size(), columns);
 #pragma omp parallel for num_threads(threads_) schedule(dynamic) if (threads_ > 1)
   for (Index c = 0; c < columns; ++c) {
-    VectorXd step = VectorXd::Zero(columns);
-    double size = share * difference_step(at, free, c);
-    for (int trial = 0; trial < 2; ++trial, size *= -0.1) {
-      step(c) = size;
-      Point beside = moved(at, free, step);
-      if (!evaluate(beside, weights)) continue;
-      result.col(c) = (beside.residuals - at.residuals) / size;
-      break;
-    }
+    difference(at, free, weights, share, c, runs[static_cast<std::size_t>(c)], result);
   }
   return result;
 }

@@ -17,7 +17,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -104,11 +103,21 @@ class PredictionFitter {
   };
   [[nodiscard]] Eigen::MatrixXd gain_of(const ExtendedLumpedModel& model) const;
   bool evaluate(Point& point, const Eigen::VectorXd& weights) const;
-  // Another gain where the model has other states than `gain` is for.
-  bool run_all(
-      const ExtendedLumpedModel& model, const InitialStates& initials, const Eigen::MatrixXd& gain,
-      const std::function<void(std::size_t, const Eigen::MatrixXd&, const Eigen::MatrixXd&)>& take,
-      bool with_states) const;
+  struct Runner;
+  [[nodiscard]] Runner runner_of(const ExtendedLumpedModel& model) const;
+  // Another gain where the model has other states than `given` is for.
+  [[nodiscard]] Eigen::MatrixXd gain_for(const ExtendedLumpedModel& model,
+                                         const Eigen::MatrixXd& given, Predictor& predictor) const;
+  // False where the motion leaves all bounds. The errors, and the states, are the runner's.
+  bool run_one(std::size_t r, const ExtendedLumpedModel& model, const InitialStates& initials,
+               const Eigen::MatrixXd& gain, bool with_states, Runner& runner) const;
+  void weigh(std::size_t r, const Eigen::MatrixXd& errors, const Eigen::VectorXd& weights,
+             Eigen::Ref<Eigen::VectorXd> rows) const;
+  // Of each run among the residuals, and their number.
+  [[nodiscard]] std::vector<Eigen::Index> first_rows() const;
+  void difference(const Point& at, std::span<const std::size_t> free,
+                  const Eigen::VectorXd& weights, double share, Eigen::Index column,
+                  std::optional<std::size_t> run, Eigen::MatrixXd& result) const;
   [[nodiscard]] PredictionFit fit_from(Point at, const Eigen::VectorXd& weights, int iterations,
                                        bool parameters_too) const;
   [[nodiscard]] Point moved(const Point& from, std::span<const std::size_t> free,
