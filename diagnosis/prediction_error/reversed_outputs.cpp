@@ -201,7 +201,16 @@ std::vector<ChannelFault> find_reversed_force(const LumpedModel& model, const Pr
             "friction, spring or weight has; else a hand or another machine moves it"
           : fmt::format("the motion goes against it, and the other sign predicts {} samples ahead",
                         data.first_horizon());
-  return {fault_of_signs({model.input_names.front()}, reason, stated, reversed, data)};
+  // Turning all outputs is the same.
+  const std::string &force = model.input_names.front(),
+                    outputs = fmt::format("{}", fmt::join(model.output_names, ", "));
+  return {
+      fault_of({force},
+               fmt::format("{} has the wrong sign, or {} {}: {}", force,
+                           fmt::join(model.output_names, " and "),
+                           model.output_names.size() == 1 ? "has" : "have", reason),
+               fmt::format("kind: sign, of: [{}]}}]; or [{{kind: sign, of: [{}]", force, outputs),
+               stated, reversed, data)};
 }
 
 // Sensors of two masses that a gear ties together, which the model lacks: they move alike, but not

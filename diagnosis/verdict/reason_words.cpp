@@ -35,8 +35,11 @@ std::string result_words(const VerdictReason& reason) {
 
 std::string value_words(const VerdictReason& reason) {
   if (!reason.value) return "";
-  return fmt::format(" {:.3g}, limit {} {:g}", *reason.value,
-                     reason.is_lower_limit ? "at least" : "at most", reason.limit);
+  std::string value = fmt::format("{:.3g}", *reason.value);
+  const std::string limit = fmt::format("{:.3g}", reason.limit);
+  if (value == limit && !reason.passed) value = fmt::format("{:.6g}", *reason.value);
+  return fmt::format(" {}, limit {} {}", value, reason.is_lower_limit ? "at least" : "at most",
+                     limit);
 }
 
 std::string listed(const std::vector<std::string>& names) {

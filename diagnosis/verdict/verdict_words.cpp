@@ -635,16 +635,22 @@ std::string change_words(const TimeVariation& change, bool has_effects) {
   return words + " Let the machine warm up, look for what works loose, and record for longer.";
 }
 
-void add_detectable(const Diagnosis& diagnosis, std::vector<std::string>& lines) {
-  std::size_t blind = 0;
+void add_detectable(const Diagnosis& diagnosis, std::span<const Hypothesis> hypotheses,
+                    std::vector<std::string>& lines) {
+  constexpr std::size_t kMostNamed = 5;
+  std::vector<std::string> blind;
   for (const DetectableEffect& effect : diagnosis.detectable) {
-    blind += std::isinf(effect.amplitude) ? 1U : 0U;
+    if (!std::isinf(effect.amplitude)) continue;
+    const Hypothesis& hypothesis = hypotheses[effect.hypothesis];
+    blind.push_back(fmt::format("{} at {}", spaced(hypothesis.law), hypothesis.place));
   }
   if (diagnosis.detectable.empty()) return;
-  lines.push_back(
-      fmt::format("{} hypotheses were tested; {} of them could not be seen, because the "
-                  "fitted parameters imitate them.",
-                  diagnosis.detectable.size(), blind));
+  const bool are_named = !blind.empty() && blind.size() <= kMostNamed;
+  lines.push_back(fmt::format(
+      "{} hypotheses were tested; {} of them could not be seen, because the fitted parameters "
+      "imitate them{}.",
+      diagnosis.detectable.size(), blind.size(),
+      are_named ? fmt::format(": {}", fmt::join(blind, "; ")) : ""));
 }
 
 // "the motion of slow at half its amplitude and twice its speed, joint_2 alone".
@@ -950,7 +956,7 @@ std::vector<std::string> verdict_words(const Diagnosis& diagnosis,
   if (const std::string range = range_words(diagnosis.checked); !range.empty()) {
     lines.push_back(range);
   }
-  add_detectable(diagnosis, lines);
+  add_detectable(diagnosis, hypotheses, lines);
   return lines;
 }
 
