@@ -41,9 +41,13 @@ double usual_largest(const Eigen::VectorXd& change, Eigen::Index over) {
   return usual > 0.0 ? usual : change.maxCoeff();
 }
 
-// The frequency below which most of the power of the velocity lies.
-double highest_frequency(const Eigen::VectorXd& motion, bool is_velocity, double sample_time) {
-  const Eigen::Index n = is_velocity ? motion.size() : motion.size() - 2;
+Eigen::Index samples_of_velocity(const Eigen::VectorXd& motion, bool is_velocity) {
+  return is_velocity ? motion.size() : motion.size() - 2;
+}
+
+// The power of the velocity, from 0 Hz in steps of one over the time of its samples.
+Eigen::VectorXd power_of_velocity(const Eigen::VectorXd& motion, bool is_velocity) {
+  const Eigen::Index n = samples_of_velocity(motion, is_velocity);
   Eigen::VectorXd velocity =
       is_velocity ? motion : Eigen::VectorXd(motion.tail(n) - motion.head(n));
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -56,7 +60,13 @@ double highest_frequency(const Eigen::VectorXd& motion, bool is_velocity, double
     velocity(k) *= 0.5 - 0.5 * std::cos(turn);
   }
   RealTransform transform(static_cast<std::size_t>(n));
-  const Eigen::VectorXd power = transform.run(velocity).cwiseAbs2();
+  return transform.run(velocity).cwiseAbs2();
+}
+
+// The frequency below which most of the power of the velocity lies.
+double highest_frequency(const Eigen::VectorXd& motion, bool is_velocity, double sample_time) {
+  const Eigen::VectorXd power = power_of_velocity(motion, is_velocity);
+  const Eigen::Index n = samples_of_velocity(motion, is_velocity);
   double sum = 0.0;
   Eigen::Index k = 0;
   while (k + 1 < power.size() && sum + power(k) < kShareOfPower * power.sum()) sum += power(k++);
@@ -92,6 +102,25 @@ double motion_frequency(const std::vector<Eigen::VectorXd>& motions, bool are_ve
   }
   std::ranges::sort(each);
   return quantile(each, 0.5);
+}
+
+double swing_frequency(const Eigen::VectorXd& motion, bool is_velocity, double sample_time) {
+  constexpr Eigen::Index kFewest = 16, kFewestPeriods = 2;
+  constexpr Eigen::Index kBeside = 2;   // lines: as wide as the window makes one
+  constexpr double kShareOfLine = 0.5;  // of all power
+  const Eigen::Index n = samples_of_velocity(motion, is_velocity);
+  if (n < kFewest || !(sample_time > 0.0)) return 0.0;
+  const Eigen::VectorXd power = power_of_velocity(motion, is_velocity);
+  Eigen::Index line = 0;
+  const double largest = power.maxCoeff(&line);
+  if (!(largest > 0.0) || line < kFewestPeriods || line + kBeside >= power.size()) return 0.0;
+  double sum = 0.0, moment = 0.0;
+  for (Eigen::Index k = line - kBeside; k <= line + kBeside; ++k) {
+    sum += power(k);
+    moment += power(k) * static_cast<double>(k);
+  }
+  if (sum < kShareOfLine * power.sum()) return 0.0;
+  return moment / (sum * static_cast<double>(n) * sample_time);
 }
 
 double filter_frequency(const std::vector<Eigen::VectorXd>& motions, bool are_velocities,

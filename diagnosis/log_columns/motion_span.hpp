@@ -23,7 +23,12 @@ struct MotionSpan {
 [[nodiscard]] double motion_frequency(const std::vector<Eigen::VectorXd>& motions,
                                       bool are_velocities, double sample_time);
 
-// 15 times that, in two digits; at least 2 Hz and at most a fifth of the sample rate.
+// The frequency at which a free motion swings, Hz. It is that of the largest line of the velocity's
+// power, with half of all power beside it. 0 where there is none, and below two periods.
+[[nodiscard]] double swing_frequency(const Eigen::VectorXd& motion, bool is_velocity,
+                                     double sample_time);
+
+// 15 times motion_frequency(), in two digits: from 2 Hz to a fifth of the sample rate.
 [[nodiscard]] double filter_frequency(const std::vector<Eigen::VectorXd>& motions,
                                       bool are_velocities, double sample_time);
 

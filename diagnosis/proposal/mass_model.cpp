@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <optional>
 #include <vector>
 
 #include "diagnosis/first_masses/one_mass_start.hpp"
 #include "diagnosis/first_masses/undriven_gain.hpp"
+#include "diagnosis/log_columns/motion_span.hpp"
 #include "diagnosis/proposal/drive_manner.hpp"
 #include "diagnosis/proposal/start_values.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
@@ -20,6 +22,8 @@
 
 namespace graybox {
 namespace {
+
+constexpr double kGuessedResonance = 20.0;  // Hz
 
 struct SpringStart {
   TwoMassStart values;
@@ -57,9 +61,10 @@ std::string servo_of(const MassMachine& machine) {
       "  - name: servo", machine.force_factor, machine.is_linear() ? "N/m" : "N m/rad");
 }
 
-// A spring and a damper between motor and load, and viscous friction of both.
+// A spring and a damper between motor and load, and viscous friction of the motor and maybe the
+// load.
 std::string elements_of_two(const TwoMassStart& start, const std::string& stiffness,
-                            const std::string& damping) {
+                            const std::string& damping, bool has_load_bearing) {
   constexpr double kBearing = 0.1;  // of the coupling's damping
   std::string text = fmt::format(
       "elements:\n  - name: coupling\n    location: {{kind: element, between: [motor, load]}}\n"
@@ -67,13 +72,62 @@ std::string elements_of_two(const TwoMassStart& start, const std::string& stiffn
       "  - name: coupling_damping\n    location: {{kind: element, between: [motor, load]}}\n"
       "    law: viscous\n    parameters: {{damping: {{value: {:.4g}, unit: {}}}}}\n",
       start.stiffness, stiffness, start.damping, damping);
-  for (const char* mass : {"motor", "load"}) {
+  for (const std::string mass : {"motor", "load"}) {
+    if (mass == "load" && !has_load_bearing) continue;
     text += fmt::format(
         "  - name: {0}_bearing\n    location: {{kind: element, mass: {0}}}\n    law: viscous\n"
         "    parameters: {{damping: {{value: {1:.4g}, unit: {2}}}}}\n",
         mass, kBearing * start.damping, damping);
   }
   return text;
+}
+
+// A motion that nothing drives shows how far one mass moves beside the other where both are
+// measured. One sensor shows how fast they swing: neither their sizes nor the load's friction.
+bool is_load_unseen(const MassMachine& machine) {
+  return machine.request.no_drive && machine.motions.size() < 2;
+}
+
+// Behind the start of two masses.
+std::string who_is_held(const MassMachine& machine) {
+  if (!machine.request.no_drive) return "; they are fitted";
+  return is_load_unseen(machine)
+             ? "; no force acts: both are held, and all else is relative to them"
+             : "; no force acts: the motor's is held, and all else is relative to it";
+}
+
+// The line "masses: {...}".
+std::string masses_of_two(const MassMachine& machine, const SpringStart& start,
+                          const std::string& unit) {
+  const auto text_of = [](double value, bool is_held) {
+    return is_held ? fmt::format("{{value: {:.4g}, fixed: true}}", value)
+                   : fmt::format("{:.4g}", value);
+  };
+  const std::string masses = fmt::format("masses: {{motor: {}, load: {}}}",
+                                         text_of(start.values.motor, machine.request.no_drive),
+                                         text_of(start.values.load, is_load_unseen(machine)));
+  return fmt::format("{:<46} # {}; {}\n", masses, unit,
+                     machine.request.no_drive
+                         ? "no force acts: all else is relative to what is held"
+                         : start.reason);
+}
+
+// Nothing tells a mass: both are alike, and swing against each other at w with w^2 = 2 k/m.
+SpringStart spring_of_free_motion(const MassMachine& machine, const LogTime& time,
+                                  const ModelProposal& proposal) {
+  double swings = 0.0;
+  for (std::size_t k = 0; k < machine.motions.size() && proposal.questions.empty(); ++k) {
+    if (swings > 0.0) break;
+    const MotionChoice& motion = machine.motions[k];
+    swings = swing_frequency(machine.even.of(motion.values(machine.log)), motion.is_velocity,
+                             time.sample_time);
+  }
+  const double rate = 2.0 * std::numbers::pi * (swings > 0.0 ? swings : kGuessedResonance);
+  const std::string why =
+      swings > 0.0
+          ? fmt::format("a start: both alike, a resonance at the {:.2g} Hz of the motion", swings)
+          : fmt::format("a start: both alike, a resonance at {:g} Hz", kGuessedResonance);
+  return {{1.0, 1.0, 0.5 * rate * rate, 0.02 * rate}, why};
 }
 
 // Seconds from the first row of a recording, of each row.
@@ -479,6 +533,7 @@ class MassModel {
   }
 
   SpringStart spring_start() {
+    if (machine_.request.no_drive) return spring_of_free_motion(machine_, time_, proposal_);
     if (can_compute() && machine_.motions.size() == 2 &&
         machine_.motions[0].is_velocity == machine_.motions[1].is_velocity) {
       const auto found = start_two_masses(force(), motion(0), motion(1),
@@ -494,9 +549,9 @@ class MassModel {
       const OneMassStart one = start_of(1.0);
       if (one.told == OneMassTold::kInertia) total = one.inertia;
     }
-    constexpr double kGuess = 2.0 * 3.14159265358979 * 20.0;  // rad/s
+    constexpr double kGuess = 2.0 * std::numbers::pi * kGuessedResonance;  // rad/s
     return {{0.5 * total, 0.5 * total, 0.25 * total * kGuess * kGuess, 0.01 * total * kGuess},
-            "a start: both alike, a resonance at 20 Hz"};
+            fmt::format("a start: both alike, a resonance at {:g} Hz", kGuessedResonance)};
   }
 
   std::string two_masses() {
@@ -508,15 +563,11 @@ class MassModel {
                       damping = machine_.is_linear() ? "N s/m" : "N m s/rad";
     add_guess(proposal_, "masses",
               fmt::format("{:.3g} and {:.3g} {}", values.motor, values.load, inertia_unit()),
-              start.reason + "; they are fitted");
+              start.reason + who_is_held(machine_));
     add_guess(proposal_, "spring", fmt::format("{:.3g} {}", values.stiffness, stiffness),
-              "the same");
-    std::string text = fmt::format(
-        "{:<46} # {}; {}\n",
-        fmt::format("masses: {{motor: {:.4g}, load: {:.4g}}}", values.motor, values.load),
-        inertia_unit(), start.reason);
-    text += elements_of_two(values, stiffness, damping);
-    return text + load_zero();
+              machine_.request.no_drive ? "the same; it is fitted" : "the same");
+    return masses_of_two(machine_, start, inertia_unit()) +
+           elements_of_two(values, stiffness, damping, !is_load_unseen(machine_)) + load_zero();
   }
 
   // The zeros of two position sensors differ.

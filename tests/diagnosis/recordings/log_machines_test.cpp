@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -219,6 +220,68 @@ TEST_F(LogMachines, TheOrderOfLogsDoesNotChangeTheMass) {
   EXPECT_NE(mass.find("least squares"), std::string::npos) << mass;
   std::swap(files[0], files[1]);
   EXPECT_EQ(value_of(written(files), "mass"), mass);
+}
+
+// ---- what nothing drives ------------------------------------------------------------------------
+
+// Two masses of 1 and 0.6 that swing against each other at `hertz`, and coast together.
+Motion free_swing(double hertz, bool is_load) {
+  constexpr int kRows = 800, kSteps = 20;
+  constexpr double kStep = 0.01, kMotor = 1.0, kLoad = 0.6, kDamping = 0.02;
+  const double rate = 2.0 * std::numbers::pi * hertz;
+  const double stiffness = rate * rate / (1.0 / kMotor + 1.0 / kLoad);
+  Motion result;
+  double x = 0.0, y = 0.0, v = 0.9, w = -0.6;
+  for (int k = 0; k < kRows; ++k) {
+    result.time.push_back(kStep * k);
+    result.position.push_back(is_load ? y : x);
+    result.velocity.push_back(is_load ? w : v);
+    for (int s = 0; s < kSteps; ++s) {
+      const double force = stiffness * (x - y) + kDamping * (v - w);
+      v += (-force - kDamping * v) / kMotor * kStep / kSteps;
+      w += (force - kDamping * w) / kLoad * kStep / kSteps;
+      x += v * kStep / kSteps;
+      y += w * kStep / kSteps;
+    }
+  }
+  return result;
+}
+
+TEST_F(LogMachines, TwoMassesThatNothingDrivesStartAtTheirSwing) {
+  ProposalRequest request;
+  request.machine = ProposedMachine::kTwoMasses;
+  request.no_drive = true;
+  for (const double hertz : {0.5, 3.0}) {
+    const Motion motor = free_swing(hertz, false), load = free_swing(hertz, true);
+    const double rate = 2.0 * std::numbers::pi * hertz;
+    for (const bool is_velocity : {false, true}) {
+      const std::vector<double>& signal = is_velocity ? motor.velocity : motor.position;
+      const std::string title = is_velocity ? "motor speed [rad/s]" : "motor angle [rad]";
+      const std::string log = write("log.csv", {{"time [s]", motor.time}, {title, signal}});
+      const ModelProposal one = written_as_asked({log}, request);
+      EXPECT_TRUE(one.questions.empty()) << all_of(one);
+      EXPECT_NEAR(std::stod(value_of(one, "spring")), 0.5 * rate * rate, 0.1 * rate * rate);
+      EXPECT_TRUE(says(one, "both are held, and all else is relative to them")) << all_of(one);
+      EXPECT_NE(
+          one.model_text.find("motor: {value: 1, fixed: true}, load: {value: 1, fixed: true}"),
+          std::string::npos)
+          << one.model_text;
+    }
+    const ModelProposal both =
+        written_as_asked({write("log.csv", {{"time [s]", motor.time},
+                                            {"motor angle [rad]", motor.position},
+                                            {"load angle [rad]", load.position}})},
+                         request);
+    EXPECT_TRUE(says(both, "the motor's is held, and all else is relative to it")) << all_of(both);
+    EXPECT_NE(both.model_text.find("motor: {value: 1, fixed: true}, load: 1}"), std::string::npos)
+        << both.model_text;
+  }
+  // A run-down swings at no frequency.
+  const std::vector<double> time = free_swing(1.0, false).time;
+  const std::vector<double> slows = mapped(time, [](double t) { return 9.0 * std::exp(-0.4 * t); });
+  const ModelProposal none = written_as_asked(
+      {write("log.csv", {{"time [s]", time}, {"motor speed [rad/s]", slows}})}, request);
+  EXPECT_TRUE(says(none, "a resonance at 20 Hz")) << all_of(none);
 }
 
 }  // namespace
