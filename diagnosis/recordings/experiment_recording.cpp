@@ -154,8 +154,8 @@ void mend_wrong_stamps(const Campaign& campaign, const Experiment& experiment,
                           wrong.front().sample, words_of_stamps(wrong)));
 }
 
-// A row that is the sample of the row beside it, logged twice, has no time of its own. Where samples
-// are said to be even, no time is read.
+// A row that is the sample of the row beside it, logged twice, has no time of its own. Where
+// samples are said to be even, no time is read.
 void forget_repeated_rows(const Campaign& campaign, const std::vector<ChannelColumn>& columns,
                           Eigen::VectorXd& times) {
   if (campaign.sample_time) return;

@@ -6,7 +6,7 @@
 // steps are zero. And of all that a value changes by, at most a tenth falls within bursts: what was
 // measured anew in each row is no repetition. Cost: O(n log n).
 //
-// A single row is told otherwise: it holds the values of the row before or behind it, and another
+// A single row is told otherwise. It holds the values of the row before or behind it. And another
 // row stands beside it, where no sample is due.
 //
 //   find_bursts(times, {angle})            // {0.06}: rows within 0.06 s of one are that one again
@@ -33,10 +33,9 @@ struct WrittenBursts {
 [[nodiscard]] std::vector<Eigen::Index> rows_of_samples(
     const Eigen::Ref<const Eigen::VectorXd>& times, double within);
 
-// Single rows that are the sample of the row before or behind them, logged twice: all values are
-// equal bit for bit, and the stamp is less than a tenth of the median step from that of another
-// row. None where more than one step in fifty is so short: that is the manner of the log, and
-// find_bursts() has it.
+// Single rows that are the sample of the row before or behind them, logged twice. All values are
+// equal bit for bit. The stamp is less than a tenth of the median step from that of another row.
+// None where more than one step in fifty is so short: find_bursts() has such logs.
 [[nodiscard]] std::vector<Eigen::Index> repeated_rows(const Eigen::VectorXd& times,
                                                       const std::vector<Eigen::VectorXd>& values);
 
