@@ -148,12 +148,16 @@ std::vector<Index> repeated_rows(const Eigen::VectorXd& times,
     const double since = last < 0 ? -1.0 : times(row) - times(last);
     if (since >= 0.0 && since < least) {
       const bool is_last_again = hold_the_same(values, row, last);
-      if (!is_last_again && before >= 0 && hold_the_same(values, last, before)) {
+      const bool is_before_again = before >= 0 && hold_the_same(values, last, before);
+      const bool is_next_again = row + 1 < times.size() && hold_the_same(values, row, row + 1);
+      if (is_before_again && !is_last_again) {
         repeated.push_back(last);
         last = row;
         continue;
       }
-      if (is_last_again || (row + 1 < times.size() && hold_the_same(values, row, row + 1))) {
+      // What stands still repeats itself, and tells nothing of its stamps unless they are equal.
+      const bool stands = is_before_again && is_last_again && is_next_again && since > 0.0;
+      if ((is_last_again || is_next_again) && !stands) {
         repeated.push_back(row);
         continue;
       }

@@ -234,6 +234,7 @@ TEST_F(LogDoors, ASampleThatWasLoggedTwiceIsLeftOut) {
   VectorXd held = m.position;
   held(kAgain) = held(kAgain - 1);
   EXPECT_TRUE(repeated_rows(m.time, {held}).empty());
+  EXPECT_TRUE(repeated_rows(twice.time, {VectorXd::Zero(kRows + 1)}).empty());  // stands still
 }
 
 // Stamps of 10 ms for rows of 2 ms that were measured anew: no repetition. What is advised works.
