@@ -295,7 +295,9 @@ void PredictionReasons::add_whole_run(std::vector<VerdictReason>& list) const {
 }
 
 void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReason>& list) const {
-  const std::string name = "growth of the error from the recordings of the fit to those kept out";
+  const std::string name =
+      "growth of the error from the recordings of the fit to those kept out, beyond that of the "
+      "signals";
   const std::optional<HeldOutGrowth> growth = from_.final->growth();
   if (!growth) {
     VerdictReason reason = test(name, {}, kGrowthLimit, true, "");

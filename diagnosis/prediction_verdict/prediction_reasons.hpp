@@ -49,8 +49,8 @@ class PredictionReasons {
   PredictionOutcome from_;
 };
 
-// Whether the law found that is told least is told: by 3 standard errors from none, in the surest of
-// its parameters, where it takes less than 3/4 of the squared error kept out. Laws without a
+// Whether the law found that is told least is told: by 3 standard errors from none, in the surest
+// of its parameters, where it takes less than 3/4 of the squared error kept out. Laws without a
 // standard error, and those that no recording kept out judges, are left to other tests.
 [[nodiscard]] VerdictReason told_reason(const Diagnosis& diagnosis);
 

@@ -484,10 +484,9 @@ std::vector<std::string> kept_out_change_lines(const Diagnosis& diagnosis,
   return {fmt::format(
       "Kept out, other sizes: the same model, fitted to these recordings by themselves, leaves "
       "{:.3g} % there instead of {:.3g} %, with {}. Either what was found only resembles what is "
-      "there "
-      "(as a constant force does dry friction, in motion one way), or something changed between "
-      "the "
-      "two, as a load, a temperature or a setting.",
+      "there (as a constant force does dry friction, in motion one way), or something changed "
+      "between the two, as a load, a temperature or a setting. Errors here are of each part by "
+      "itself; elsewhere they count that the parts differ.",
       change.error_fitted, change.error_predicted, sizes)};
 }
 

@@ -83,9 +83,9 @@ struct LoadFriction {
   }
 };
 
-// A motor on a bridge brakes itself (back electromotive force) while the bridge conducts; without a
-// drive it coasts, or brakes harder where the bridge shorts it. An input, the drive, stands in place
-// of the deflection. p: driven, undriven, threshold.
+// A motor on a bridge brakes itself (back electromotive force) while the bridge conducts. Without a
+// drive it coasts, or brakes harder where the bridge shorts it. An input, the drive, stands in
+// place of the deflection. p: driven, undriven, threshold.
 struct DrivenViscous {
   static constexpr int kParameters = 3, kStates = 0;
   template <typename T>
