@@ -13,8 +13,8 @@
 namespace graybox {
 
 // Joints, from 0, whose unknown rotor inertia the recordings do not show, or that came out
-// negative. Empty unless that alone keeps the answer from being sure, or from being one that a machine can
-// have. `graybox model` adds such inertias to robots.
+// negative. Empty unless that alone keeps the answer from being sure, or from being one that a
+// machine can have. `graybox model` adds such inertias to robots.
 [[nodiscard]] std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis);
 
 // The diagnosis once more without these rotors, where nothing else was in doubt in `first`. None
