@@ -63,19 +63,29 @@ std::vector<std::size_t> rotors_to_leave_out(const Diagnosis& diagnosis) {
 std::optional<DiagnosisAnswer> answer_without_unseen_rotors(const DiagnosisRequest& request,
                                                             const Campaign& campaign,
                                                             const Diagnosis& first) {
-  const std::vector<std::size_t> rotors = rotors_to_leave_out(first);
-  if (rotors.empty() || stop_requested()) return {};
-  DiagnosisAnswer answer;
-  answer.problem = requested_problem(request, campaign, rotors);
-  if (!answer.problem) return {};
-  answer.diagnosis = diagnose(*answer.problem, request.search);
-  if (answer.diagnosis.interrupted || answer.diagnosis.verdict > first.verdict) return {};
+  constexpr int kTrials = 2;  // what one rotor took may make another negative
   const bool was_impossible = excluding(first.implausible) > 0;
-  if (was_impossible && excluding(answer.diagnosis.implausible) > 0) return {};
-  answer.diagnosis.assumptions.push_back(fmt::format(
-      "{}: unknown in the model and {} these recordings, so left out.", names_of(rotors),
-      was_impossible ? "negative or not told by a fit to" : "not seen in"));
-  return answer;
+  std::vector<std::size_t> rotors = rotors_to_leave_out(first);
+  for (int trial = 0; trial < kTrials; ++trial) {
+    if (rotors.empty() || stop_requested()) return {};
+    DiagnosisAnswer answer;
+    answer.problem = requested_problem(request, campaign, rotors);
+    if (!answer.problem) return {};
+    answer.diagnosis = diagnose(*answer.problem, request.search);
+    Diagnosis& diagnosis = answer.diagnosis;
+    if (diagnosis.interrupted || diagnosis.verdict > first.verdict) return {};
+    if (!was_impossible || excluding(diagnosis.implausible) == 0) {
+      diagnosis.assumptions.push_back(fmt::format(
+          "{}: unknown in the model and {} these recordings, so left out.", names_of(rotors),
+          was_impossible ? "negative or not told by a fit to" : "not seen in"));
+      return answer;
+    }
+    const std::vector<std::size_t> more = negative_rotors(diagnosis);
+    if (more.empty()) return {};
+    rotors.insert(rotors.end(), more.begin(), more.end());
+    std::ranges::sort(rotors);
+  }
+  return {};
 }
 
 }  // namespace graybox
