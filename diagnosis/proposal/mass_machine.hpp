@@ -35,6 +35,7 @@ struct MassMachine {
   EvenSamples even;
   double drive_period = 0.0;  // of its wraps, in its unit; 0: none
   std::string drive_wrap;     // for the campaign
+  double speed_way = 0.0;     // of a speed without sign: 1, or -1 if never positive; 0: others
   double raw_step = 0.0;      // s between recorded samples, where values are held
 
   // A position servo: its goal is recorded, not the force.

@@ -190,13 +190,14 @@ std::string sign_words(const OneMassStart& start, const std::string& unit, const
       start.inertia, unit, 100.0 * start.spread, who, turned);
 }
 
-// What drives in a recording, at even times.
+// What drives in a recording, at even times: its size beside a speed without sign.
 Eigen::VectorXd force_of(const MassMachine& machine, const LogRecording& recording,
                          const EvenSamples& even) {
   Eigen::VectorXd values = machine.driving_of(recording);
   const bool has_wraps = !machine.has_goal() && machine.drive_period > 0.0;
   if (has_wraps) values = unwrapped(values, machine.drive_period);
-  return machine.force_factor * even.of(values);
+  const Eigen::VectorXd force = machine.force_factor * even.of(values);
+  return machine.speed_way == 0.0 ? force : Eigen::VectorXd(machine.speed_way * force.cwiseAbs());
 }
 
 // Where a motion holds its values they may begin at another row of each log.
@@ -286,6 +287,44 @@ void doubt_speed(const MassMachine& machine, const LogTime& time, ModelProposal&
       machine.motions[0].column->name, machine.motions[0].is_velocity ? "velocity" : "position"));
 }
 
+// The largest share that a feedback of what was measured leaves of the drive, in any log; none
+// where one of them can't tell.
+std::optional<double> most_left_of_feedback(const MassMachine& machine, const LogTime& time,
+                                            const LogColumn* other) {
+  const MotionChoice& choice = machine.motions[0];
+  double most = 0.0;
+  for (const LogRecording& recording : machine.recordings) {
+    const EvenSamples even = even_of(machine, recording, time);
+    std::vector<Eigen::VectorXd> measured{even.of(choice.values(recording))};
+    if (other != nullptr) {
+      measured.push_back(even.of(without_gaps(recording.at(other->file, other->name).values)));
+    }
+    const std::optional<double> left =
+        left_of_feedback(force_of(machine, recording, even), measured);
+    if (!left) return {};
+    most = std::max(most, *left);
+  }
+  return most;
+}
+
+// Nothing but a controller computes a drive that is a sum of what was measured.
+bool note_feedback(const MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
+  constexpr double kExact = 0.01;  // of the drive's deviation
+  const MotionChoice& choice = machine.motions[0];
+  const bool has_other = choice.other != nullptr && choice.other->file == choice.column->file;
+  const std::optional<double> left =
+      most_left_of_feedback(machine, time, has_other ? choice.other : nullptr);
+  if (!left || *left > kExact) return false;
+  const std::string other = has_other ? fmt::format(" and '{}'", choice.other->name) : "";
+  proposal.notes.push_back(fmt::format(
+      "'{}' (drive) is a sum of a constant and of '{}'{}, to {:.2g} % of its deviation: a "
+      "controller computed it. Nothing else excites the machine, so {} can't tell the machine "
+      "from its controller: move the goal, push, or add a signal to the drive",
+      machine.drive->name, choice.column->name, other, 100.0 * *left,
+      machine.recordings.size() > 1 ? "these logs" : "this log"));
+  return true;
+}
+
 class MassModel {
  public:
   MassModel(const MassMachine& machine, const LogTime& time, ModelProposal& proposal)
@@ -345,7 +384,13 @@ class MassModel {
     return logs;
   }
 
-  [[nodiscard]] OneMassStart start_of(double sign) const { return start_one_mass(logs_of(sign)); }
+  // Beside a speed without sign none is reversed.
+  [[nodiscard]] OneMassStart start_of(double sign) const {
+    OneMassStart start = start_one_mass(logs_of(sign));
+    const bool has_no_sign = machine_.speed_way != 0.0 && start.told == OneMassTold::kReversed;
+    if (has_no_sign) start.told = OneMassTold::kNothing;
+    return start;
+  }
 
   // A drive or an encoder that counts the other way makes the mass negative. Turning either is the
   // same but for a velocity beside the position, which is a third witness: two that agree are
@@ -416,42 +461,6 @@ class MassModel {
         machine_.drive->name, machine_.recordings.size() > 1 ? "These logs" : "This log"));
   }
 
-  // The largest share that a feedback of what was measured leaves of the drive, in any log; none
-  // where one of them can't tell.
-  [[nodiscard]] std::optional<double> most_left_of_feedback(const LogColumn* other) const {
-    const MotionChoice& choice = machine_.motions[0];
-    double most = 0.0;
-    for (const LogRecording& recording : machine_.recordings) {
-      const EvenSamples even = even_of(machine_, recording, time_);
-      std::vector<Eigen::VectorXd> measured{even.of(choice.values(recording))};
-      if (other != nullptr) {
-        measured.push_back(even.of(without_gaps(recording.at(other->file, other->name).values)));
-      }
-      const std::optional<double> left =
-          left_of_feedback(force_of(machine_, recording, even), measured);
-      if (!left) return {};
-      most = std::max(most, *left);
-    }
-    return most;
-  }
-
-  // Nothing but a controller computes a drive that is a sum of what was measured.
-  [[nodiscard]] bool note_feedback() {
-    constexpr double kExact = 0.01;  // of the drive's deviation
-    const MotionChoice& choice = machine_.motions[0];
-    const bool has_other = choice.other != nullptr && choice.other->file == choice.column->file;
-    const std::optional<double> left = most_left_of_feedback(has_other ? choice.other : nullptr);
-    if (!left || *left > kExact) return false;
-    const std::string other = has_other ? fmt::format(" and '{}'", choice.other->name) : "";
-    proposal_.notes.push_back(fmt::format(
-        "'{}' (drive) is a sum of a constant and of '{}'{}, to {:.2g} % of its deviation: a "
-        "controller computed it. Nothing else excites the machine, so {} can't tell the machine "
-        "from its controller: move the goal, push, or add a signal to the drive",
-        machine_.drive->name, choice.column->name, other, 100.0 * *left,
-        machine_.recordings.size() > 1 ? "these logs" : "this log"));
-    return true;
-  }
-
   // A drive in N m or N is asked alone: others make masses of any size.
   void doubt_mass(const OneMassStart& start) {
     constexpr double kLargest = 1e4;  // kg m^2, kg
@@ -498,7 +507,9 @@ class MassModel {
       doubt_speed(machine_, time_, proposal_);
       if (!machine_.has_goal() && machine_.drive != nullptr) {
         doubt_mass(start);
-        if (!note_feedback()) note_controller(machine_, proposal_);
+        const bool has_sign = machine_.speed_way == 0.0;
+        if (has_sign && !note_feedback(machine_, time_, proposal_))
+          note_controller(machine_, proposal_);
       }
       switch (start.told) {
         case OneMassTold::kInertia:

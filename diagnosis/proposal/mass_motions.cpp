@@ -9,6 +9,7 @@
 
 #include "diagnosis/proposal/column_choice.hpp"
 #include "diagnosis/proposal/start_values.hpp"
+#include "diagnosis/signal_faults/lost_sign.hpp"
 #include "problems/base/error.hpp"
 
 namespace graybox {
@@ -242,6 +243,32 @@ class MotionSearch {
 
 void find_motions(MassMachine& machine, const LogTime& time, ModelProposal& proposal) {
   MotionSearch(machine, proposal).run(time);
+}
+
+void find_lost_speed_sign(MassMachine& machine, ModelProposal& proposal) {
+  const bool is_known =
+      machine.drive != nullptr && !machine.has_goal() && machine.motions.size() == 1;
+  if (!is_known || machine.has_two || machine.motions[0].column == nullptr) return;
+  const MotionChoice& motion = machine.motions[0];
+  if (!motion.is_velocity) return;
+  // One behind the other: each log may go one way.
+  std::vector<double> drive, speed;
+  for (const LogRecording& recording : machine.recordings) {
+    const Eigen::VectorXd force = machine.driving_of(recording), moved = motion.values(recording);
+    if (force.size() != moved.size()) return;
+    drive.insert(drive.end(), force.begin(), force.end());
+    speed.insert(speed.end(), moved.begin(), moved.end());
+  }
+  const auto all = [](const std::vector<double>& values) {
+    return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
+  };
+  const auto lost = find_lost_sign(all(speed), all(drive));
+  if (!lost) return;
+  machine.speed_way = lost->is_negative ? -1.0 : 1.0;
+  proposal.notes.push_back(fmt::format(
+      "'{0}' never changes its sign while '{1}' does, and follows its size: a sensor that reads no "
+      "sign? The start is that of the drive's size",
+      motion.column->name, machine.drive->name));
 }
 
 }  // namespace graybox

@@ -44,6 +44,7 @@ ModelProposal propose_masses(const ProposalRequest& request,
   find_times(machine, draft, proposal);
   find_drive(machine, proposal);
   find_motions(machine, draft.time, proposal);
+  find_lost_speed_sign(machine, proposal);
   take_held_values(machine, draft, proposal);
   machine.even = EvenSamples(machine.log, draft.time);
   draft_mass_campaign(machine, draft, proposal);

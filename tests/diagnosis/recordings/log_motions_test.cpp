@@ -431,6 +431,39 @@ TEST_F(LogMotions, ADriveOfUnknownGainSaysWhatItsUnitsMean) {
             std::string::npos);
 }
 
+// ---- speeds without sign -----------------------------------------------------------------------
+
+// A Hall sensor reads the size of the speed: the start is that of the drive's size.
+TEST_F(LogMotions, ASpeedWithoutSignIsTold) {
+  const auto slow = [](double t) { return 0.6 * std::sin(t) + 0.2 * std::sin(0.37 * t); };
+  const Rows rows = rows_of(slow, 2000, 0.01);
+  const auto proposal_of = [&](const Values& speed) {
+    return proposed({{"time [s]", rows.time}, {"pwm", rows.force}, {"speed [rad/s]", speed}});
+  };
+  const std::string words = "'speed' never changes its sign while 'pwm' does";
+  for (const double way : {1.0, -1.0}) {
+    const ModelProposal proposal =
+        proposal_of(mapped(rows.velocity, [&](double v) { return way * std::abs(v); }));
+    EXPECT_TRUE(says(proposal, words)) << all_of(proposal);
+    EXPECT_FALSE(says(proposal, "revers")) << all_of(proposal);
+    EXPECT_NEAR(std::stod(value_of(proposal, "mass")), 0.02, 0.01) << all_of(proposal);
+  }
+  EXPECT_FALSE(says(proposal_of(rows.velocity), words));
+}
+
+// A spindle that a drive of either sign speeds up and brakes turns one way.
+TEST_F(LogMotions, ASpeedOfOneWayKeepsItsSign) {
+  Values time, drive, speed;
+  for (int k = 0; k < 2000; ++k) {
+    time.push_back(0.01 * k);
+    speed.push_back(1.0 - std::cos(time.back()));
+    drive.push_back(std::sin(time.back()) + 0.1 * speed.back());
+  }
+  const ModelProposal proposal =
+      proposed({{"time [s]", time}, {"pwm", drive}, {"speed [rad/s]", speed}});
+  EXPECT_FALSE(says(proposal, "never changes its sign while 'pwm'")) << all_of(proposal);
+}
+
 // ---- drives of a controller ----------------------------------------------------------------
 
 // The speed follows its target through a controller that was not logged.
