@@ -16,6 +16,9 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
+// Of a ramp through zero, the slower quarter of a way has an eighth of its squares, and less behind
+// a dead band.
+constexpr double kShareOfRamp = 0.05;
 constexpr double kEnough = 0.25;  // of what the best split tells
 constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
 constexpr Index kFewestOfStroke = 250;    // of a block where the axis turns round once or twice
@@ -246,11 +249,20 @@ std::optional<int> switches_of(const VectorXd& drive) {
   return switches;
 }
 
+// How often the motion turns round and goes a fifth of its whole way back: the last counts of an
+// encoder, and noise of a speed, turn round at rest, too.
+std::size_t clear_turns(const Added& added) {
+  ArrayXd place = added.told.col(1);  // the rates
+  for (Index k = 1; k < place.size(); ++k) place(k) += place(k - 1);
+  return turning_points(place).size();
+}
+
 // One step, one pulse, or a drive that is switched on before the log begins: what follows is one
 // transient, and a part of it foretells no other.
 bool is_one_transient(const VectorXd& drive, const Added& added) {
   constexpr int kPulse = 2;  // switches, and turns of the motion
-  if (!(drive.cwiseAbs().maxCoeff() > 0.0) || added.turns > kPulse) return false;
+  if (!(drive.cwiseAbs().maxCoeff() > 0.0)) return false;
+  if (added.turns > kPulse && clear_turns(added) > kPulse) return false;
   const std::optional<int> switches = switches_of(drive);
   return switches && *switches <= kPulse;
 }
@@ -349,12 +361,12 @@ struct SplitTrial {
 };
 
 // What both roles tell of an axis where both have their share of all; below kNothing elsewhere.
-double fairly_told(const Added& added, Index blocks) {
-  if (!Shares(added.drive, blocks).have_each(kShare)) return 0.0;
-  if (!Shares(added.motion, blocks).have_each(kShare)) return 0.0;
+double fairly_told(const Added& added, Index blocks, double share = kShare) {
+  if (!Shares(added.drive, blocks).have_each(share)) return 0.0;
+  if (!Shares(added.motion, blocks).have_each(share)) return 0.0;
   if (!have_ways(added.place, blocks)) return 0.0;
   const bool is_mixed = !turns_between_halves(added) && !turns_seldom(added);
-  if (!is_mixed && !has_both_ways_in_each(added, blocks, kShare)) return 0.0;
+  if (!is_mixed && !has_both_ways_in_each(added, blocks, share)) return 0.0;
   if (added.is_swept && !are_alike(added.crossings, blocks)) return 0.0;
   if (added.is_swept && !have_periods(added.crossings, blocks)) return 0.0;
   return told_by_each(added, blocks);
@@ -371,6 +383,14 @@ std::vector<SplitTrial> fair_splits(const Added& added) {
     if (told >= kNothing) trials.push_back({blocks, told});
   }
   return trials;
+}
+
+// Whether quarters give both roles something of both ways, where the axis goes one way in each half
+// and the log is too short for more blocks: one sweep through zero.
+bool has_fair_quarters(const Added& added) {
+  constexpr Index kQuarters = 4;
+  return turns_between_halves(added) && added.drive.size() / kQuarters >= kFewestOfBlock &&
+         fairly_told(added, kQuarters, kShareOfRamp) >= kNothing;
 }
 
 // The fewest blocks that tell a quarter of what the best do; 2 where there are none.
@@ -424,6 +444,10 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   const std::vector<SplitTrial> trials = fair_splits(added);
   split.is_fair = !trials.empty();
   split.count = fewest_blocks(trials);
+  if (trials.empty() && has_fair_quarters(added)) {
+    split.is_fair = true;
+    split.count = 4;
+  }
   return split;
 }
 

@@ -15,13 +15,15 @@
 // log, a half is asked instead for a fifth of the samples of either way.
 //
 // A log of one transient is not split: its drive goes once from one level to another, or there and
-// back, or stays at one, and the motion turns round twice at most.
+// back, or stays at one, and the motion turns round twice at most. Turns that go less than a
+// fifth of the whole way back are noise there.
 //
 // Else the log is cut into 4, 6, ... blocks, and every second one is kept out. Both roles must have
 // a fifth of both squares and of the way, crossings alike within a half, and a fiftieth of what the
 // log tells. The fewest blocks are taken that tell a quarter of what the best do. Blocks of a chirp
 // hold a period of it on the average. Blocks have 40 samples at least, and 250 where the axis turns
-// round only once or twice, and not between halves.
+// round only once or twice, and not between halves. A sweep through zero that is too short for six
+// of them is cut into four, if both roles have a twentieth of the squares of either way.
 // Cost: O(n) for each number of blocks.
 //
 // Several axes in one log, as a robot's, are split together: into as few blocks as give most axes

@@ -340,6 +340,40 @@ TEST(KeptOutBlocks, OneTransientIsNotShared) {
   EXPECT_TRUE(kept_out_blocks(VectorXd::Ones(1200), swing, false).is_fair);
 }
 
+// At rest and in steady motion the last counts of an encoder go to and fro: no turns of the motion.
+TEST(KeptOutBlocks, CountsThatTrembleDontHideOneTransient) {
+  VectorXd position(400), step = VectorXd::Zero(400);
+  step.tail(350).setConstant(1.0);
+  double q = 0.0, v = 0.0;
+  for (Index k = 0; k < 400; ++k) {
+    v += 0.02 * (4.0 * step(k) - v);
+    q += v;
+    position(k) = std::round(q + std::sin(2.3 * static_cast<double>(k)));
+  }
+  for (const VectorXd& drive : {step, VectorXd(VectorXd::Ones(400))}) {
+    const KeptOutBlocks split = kept_out_blocks(drive, position, false);
+    EXPECT_EQ(split.reason, "the drive makes one step or pulse");
+    EXPECT_FALSE(split.is_fair);
+  }
+}
+
+// From full speed one way to full speed the other way: quarters hold both ways.
+TEST(KeptOutBlocks, AShortSweepThroughZeroIsQuartered) {
+  const auto split_of = [](Index count) {
+    VectorXd drive = VectorXd::LinSpaced(count, -1.0, 1.0), speed(count);
+    for (Index k = 0; k < count; ++k) {
+      const double moved = std::max(std::abs(drive(k)) - 0.1, 0.0);
+      speed(k) = std::copysign(moved, drive(k)) + 0.01 * std::sin(0.7 * static_cast<double>(k));
+    }
+    return kept_out_blocks(drive, speed, true);
+  };
+  const KeptOutBlocks split = split_of(216);
+  EXPECT_EQ(split.reason, "the axis goes one way in each half");
+  EXPECT_TRUE(split.is_fair);
+  EXPECT_EQ(split.count, 4);
+  EXPECT_FALSE(split_of(150).is_fair);  // parts of 37 samples tell nothing
+}
+
 // A chirp of five periods has no parts of a period each that are alike; one of fifty has.
 TEST(KeptOutBlocks, PartsOfAChirpHoldAPeriod) {
   const auto chirp = [](double periods) {
