@@ -282,7 +282,8 @@ class MassCampaign {
                                          : "rises throughout, as a time does";
     }
     if (quantity == LogQuantity::kOther) {
-      return column.answered ? "you said so" : "no motion, no drive";
+      if (column.answered) return "you said so";
+      return column.evidence.empty() ? "no motion, no drive" : column.evidence;
     }
     if (column.words.is_reference) return "a reference";
     if (is_farther_than_drive(column)) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "diagnosis/log_columns/column_copies.hpp"
 #include "diagnosis/log_columns/column_rates.hpp"
 #include "diagnosis/log_columns/joint_columns.hpp"
 #include "diagnosis/proposal/campaign_draft.hpp"
@@ -127,11 +128,25 @@ ModelProposal propose_recordings(const ProposalRequest& request,
   return proposal;
 }
 
-ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecording>& recordings) {
+// Copies of other columns, but for a robot and a campaign by itself.
+void set_aside(const ProposalRequest& request, std::vector<LogRecording>& recordings,
+               std::vector<std::string>& remarks) {
+  const bool is_of_masses =
+      request.machine != ProposedMachine::kRobot && request.machine != ProposedMachine::kRecordings;
+  if (!is_of_masses) return;
+  const bool is_answered = std::ranges::any_of(
+      recordings.front().columns,
+      [](const LogColumn& column) { return column.answered && drives(column.words.quantity); });
+  set_copies_aside(recordings, request.no_drive || is_answered, remarks);
+}
+
+ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecording>& recordings,
+                           std::vector<std::string>& remarks) {
   if (request.machine != ProposedMachine::kRobot) {
     const LogTime time = find_time(recordings.front(), request.sample_time);
     name_by_rates(recordings, time.sample_time > 0.0 ? time.sample_time : 1.0);
     name_loads(recordings);
+    set_aside(request, recordings, remarks);
   } else {
     name_beside_joints(read_urdf_tree(request.urdf), recordings);
   }
@@ -193,7 +208,7 @@ void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
 ModelProposal propose_model(const ProposalRequest& request) {
   std::vector<std::string> remarks;
   std::vector<LogRecording> recordings = read_logs(request.logs, request.columns, &remarks);
-  ModelProposal proposal = propose_from(request, recordings);
+  ModelProposal proposal = propose_from(request, recordings, remarks);
   proposal.notes.insert(proposal.notes.begin(), remarks.begin(), remarks.end());
   Eigen::Index dropped = 0;
   for (const LogRecording& recording : recordings) dropped += recording.dropped_rows;

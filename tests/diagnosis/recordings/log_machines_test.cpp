@@ -147,6 +147,49 @@ TEST_F(LogMachines, WhatIsWantedIsNeverTheMeasuredMotion) {
   }
 }
 
+// ---- copies -------------------------------------------------------------------------------------
+
+// An encoder's counts beside its degrees drive nothing, unless the user says so.
+TEST_F(LogMachines, ACopyOfTheMotionIsNoDrive) {
+  const Motion m = moved({}, 400, two_sines);
+  const std::string log =
+      write("log.csv",
+            {{"time [s]", m.time},
+             {"angle [rad]", m.position},
+             {"raw", mapped(m.position, [](double q) { return std::round(100.0 - 8192.0 * q); })}});
+  const ModelProposal proposal = written({log});
+  EXPECT_TRUE(says(proposal, "'raw' is a copy of 'angle' (times -8192)")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "What drives the machine?")) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "raw: a copy of 'angle'")) << all_of(proposal);
+  EXPECT_EQ(value_of(proposal, "drive"), "");
+  ProposalRequest answered;
+  answered.columns = {column_answer("raw=torque")};
+  EXPECT_EQ(value_of(written({log}, answered), "drive"), "'raw'; you said so");
+  // What follows the motion late is none.
+  const std::string other =
+      write("other.csv", {{"time [s]", m.time}, {"angle [rad]", m.position}, {"raw", m.force}});
+  EXPECT_FALSE(says(written({other}), "is a copy of"));
+}
+
+// The duty cycle that a command becomes, under a title of a speed.
+TEST_F(LogMachines, ACopyOfTheCommandIsNoMotion) {
+  const Motion m = moved({}, 400, two_sines);
+  const auto with = [&](const std::vector<double>& command, const std::vector<double>& speed) {
+    return written({write(
+        "log.csv",
+        {{"time [s]", m.time}, {"pwm", command}, {"speed", speed}, {"angle [rad]", m.position}})});
+  };
+  const ModelProposal duty =
+      with(m.force, mapped(m.force, [](double u) { return std::round(4915.0 + 1638.0 * u); }));
+  EXPECT_TRUE(says(duty, "'speed' is an affine copy of 'pwm' (times 1638): a command, not used"))
+      << all_of(duty);
+  EXPECT_TRUE(says(duty, "position: 'angle' in rad")) << all_of(duty);
+  EXPECT_FALSE(says(with(m.force, m.velocity), "affine copy"));
+  // A controller that brakes makes its command of the speed.
+  const std::vector<double> braking = mapped(m.velocity, [](double v) { return -0.5 * v; });
+  EXPECT_FALSE(says(with(braking, m.velocity), "affine copy"));
+}
+
 // ---- several logs -------------------------------------------------------------------------------
 
 // Every 10 ms and every 20 ms: all come to the slower rate, whichever log is the first.
