@@ -12,8 +12,8 @@ namespace graybox {
 // no column can be a motion, and where a unit contradicts what the user said.
 void find_motions(MassMachine& machine, const LogTime& time, ModelProposal& proposal);
 
-// Sets speed_way of one mass whose measured velocity never changes its sign, in no log, while the
-// drive does and has its size (lost_sign.hpp, with their parts changed); with a note.
+// Sets speed_way of one mass whose measured velocity lost its sign, with a note. Such a velocity is
+// of one sign in all logs and follows the size of a drive that has both (lost_sign.hpp).
 void find_lost_speed_sign(MassMachine& machine, ModelProposal& proposal);
 
 }  // namespace graybox
