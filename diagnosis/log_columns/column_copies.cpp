@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnosis/log_columns/encoder_steps.hpp"
 #include "diagnosis/log_columns/log_time.hpp"
 
 namespace graybox {
@@ -20,25 +21,11 @@ double deviation_of(const ArrayXd& values) {
   return std::sqrt((values - values.mean()).square().mean());
 }
 
-// The power of ten that all values are multiples of; 0: none above a millionth.
-double printed_step(const ArrayXd& values) {
-  constexpr int kDigits = 6;
-  constexpr double kWhole = 1e-6;
-  for (int digits = 0; digits <= kDigits; ++digits) {
-    const double power = std::pow(10.0, digits);
-    const ArrayXd scaled = values * power;
-    if (((scaled - scaled.round()).abs() <= kWhole * scaled.abs().max(1.0)).all()) {
-      return 1.0 / power;
-    }
-  }
-  return 0.0;
-}
-
 // What rounding to its grid leaves of a column, rms.
 double rounding_of(const VectorXd& values) {
   constexpr double kFine = 0.01;   // of the deviation
   constexpr double kOfStep = 0.3;  // 1/sqrt(12), and a little more
-  const double step = printed_step(values.array());
+  const double step = printed_step(values);
   return step <= kFine * deviation_of(values.array()) ? kOfStep * step : 0.0;
 }
 

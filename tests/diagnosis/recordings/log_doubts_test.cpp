@@ -562,6 +562,12 @@ TEST_F(LogDoubts, StepsOfAnEncoderTellTheUnitOfAnAngle) {
   EXPECT_EQ(degrees, "'angle' in deg; its title; steps of 360/2048");
   EXPECT_EQ(unit_of(in_steps(kTurn / 4096.0, 1.0, 1e-6)),
             "'angle' in rad; its title; steps of 2 pi/4096");
+  // In two decimals its steps are 0.08 and 0.09.
+  EXPECT_EQ(unit_of(in_steps(360.0 / 4096.0, 3.0, 0.01)),
+            "'angle' in deg; its title; steps of 360/4096");
+  EXPECT_EQ(unit_of(mapped(m.position, [](double q) { return 0.01 * std::round(300.0 * q); }))
+                .find("steps of"),
+            std::string::npos);
   // Also over many turns, where it would be asked else.
   EXPECT_NE(unit_of(in_steps(360.0 / 1024.0, 57.3, 0.0)).find("steps of 360/1024"),
             std::string::npos);
