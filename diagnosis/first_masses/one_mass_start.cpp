@@ -432,6 +432,8 @@ class OneMassSearch {
     start.inertia = std::abs(inertia);
     start.damping = std::max(least, solution.pole * start.inertia);
     if (!(chosen.error < kToldEnough)) return start;
+    // As fast as the search goes, a pole is that of the samples, and the mass with it.
+    if (inertia > 0.0 && !(solution.pole * sample_time() < kFastest)) return start;
     start.told = OneMassTold::kInertia;
     if (inertia > 0.0) {
       take_weight(chosen, start);

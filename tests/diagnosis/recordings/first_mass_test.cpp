@@ -239,6 +239,18 @@ TEST(KeptOutBlocks, HalvesThatAreAlikeStay) {
   EXPECT_TRUE(split.reason.empty());
 }
 
+// A speed that follows its drive from row to row tells the damping alone: a mass that is no more
+// than damping times the time of a row is that of the rows.
+TEST(FirstMass, IsNotToldBySpeedsThatFollowAtOnce) {
+  const VectorXd force = steps(200.0);
+  VectorXd speed = VectorXd::Zero(force.size());
+  for (Index k = 1; k < force.size(); ++k) speed(k) = force(k - 1) / 12.0;
+  speed = noisy(speed, 0.02, 3);
+  const OneMassStart start = start_one_mass({{force, speed, true, true, kStep}});
+  EXPECT_NE(start.told, OneMassTold::kInertia) << start.inertia;
+  EXPECT_NEAR(start.damping, 12.0, 3.0);
+}
+
 // Each part has its share of the drive, whichever half was without.
 TEST(KeptOutBlocks, ADriveInOneHalfIsShared) {
   for (const bool is_late : {false, true}) {
