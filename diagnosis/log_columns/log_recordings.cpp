@@ -698,7 +698,15 @@ ColumnAnswer column_answer(const std::string& text) {
   const LogQuantity of_unit = quantity_of_unit(answer.unit);
   if (of_unit != LogQuantity::kUnknown && of_unit != answer.quantity &&
       answer.quantity != LogQuantity::kOther && answer.quantity != LogQuantity::kCommand) {
-    throw InputError(fmt::format("--column {}: {} is no unit of a {}", text, answer.unit, rest));
+    const bool is_rate_of_counts =
+        answer.unit == "counts" && answer.quantity == LogQuantity::kVelocity;
+    throw InputError(fmt::format(
+        "--column {}: {} is no unit of a {}: it has {}{}", text, answer.unit, rest,
+        known_units_of(answer.quantity),
+        is_rate_of_counts ? fmt::format(". At 2000 counts a turn, say, a count a second is one of "
+                                        "'{}=velocity:0.0005 turn/s'",
+                                        answer.names)
+                          : ""));
   }
   return answer;
 }

@@ -135,8 +135,9 @@ void refuse_wrapped_clock(const LogRecording& recording, const LogColumn& column
   throw InputError(fmt::format(
       "{}: column '{}': times must rise, and behind row {} they stand still, while the rows go on: "
       "the stamps are too coarse. Where the rows are even, say --column '{}=ignore' --sample-time "
-      "{}; they are {:.4g} of its unit apart in the mean",
-      file, column.name, row, column.name, seconds, mean));
+      "{}; they are {:.4g} {} apart in the mean",
+      file, column.name, row, column.name, seconds, mean,
+      unit == nullptr ? "of its unit" : unit->name));
 }
 
 const LogColumn* time_column(const LogRecording& recording) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -63,6 +64,9 @@ class DriveSearch {
                         "say which by --column NAME=torque{}",
                         machine_.log.files.front().string(), still_columns(machine_.columns)));
       }
+      if (machine_.open.size() == 1 && !has_motion && !has_still_drive()) {
+        return ask_the_only_column();
+      }
       if (machine_.open.size() == 1 && has_motion) {
         choice = {machine_.open.front(), "guessed: the only column left", {}};
         machine_.open.clear();
@@ -87,6 +91,31 @@ class DriveSearch {
     note_reference(*machine_.drive, proposal_.notes);
     if (!machine_.drive->words.odd_unit.empty()) ask_unit_of_drive();
     find_wrap_of_drive();
+  }
+
+  [[nodiscard]] bool has_still_drive() const {
+    return std::ranges::any_of(
+        machine_.columns, [](const LogColumn* column) { return drives(column->words.quantity); });
+  }
+
+  // One column of values holds the drive or the motion, and never both.
+  void ask_the_only_column() {
+    const std::string& name = machine_.open.front()->name;
+    OpenQuestion question;
+    question.text = fmt::format(
+        "Is '{}' what drives, or what was measured? It is the only column that may be either, and "
+        "a model needs both, unless nothing drives",
+        name);
+    question.option = fmt::format(
+        "--column '{0}=position' or --column '{0}=velocity', and --no-drive, if nothing drives; "
+        "else give a log with both",
+        name);
+    question.choices = {
+        {"a position, and nothing drives", {name + "=position"}, true},
+        {"a velocity, and nothing drives", {name + "=velocity"}, true},
+    };
+    proposal_.questions.push_back(question);
+    machine_.likely_drive = machine_.open.front();
   }
 
   // A controller's log: "target, current, pwm". Nothing else moves there, and another column

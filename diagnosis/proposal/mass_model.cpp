@@ -526,8 +526,11 @@ class MassModel {
       }
     }
     const std::string damping_unit = machine_.is_linear() ? "N s/m" : "N m s/rad";
+    const char* const use = machine_.request.no_drive     ? "; it is held"
+                            : proposal_.questions.empty() ? "; it is fitted"
+                                                          : "";
     add_guess(proposal_, "mass", fmt::format("{:.3g} {}", start.inertia, inertia_unit()),
-              why + (machine_.request.no_drive ? "; it is held" : "; it is fitted"));
+              why + use);
     add_guess(proposal_, "damping", fmt::format("{:.3g} {}", start.damping, damping_unit),
               machine_.request.no_drive ? "guessed; it is fitted" : "the same");
     const std::string value = machine_.request.no_drive

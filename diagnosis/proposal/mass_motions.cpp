@@ -131,6 +131,8 @@ class MotionSearch {
           machine_.log.files.front().string(), what, still_columns(machine_.columns),
           words_of_accelerations(machine_.columns)));
     }
+    // Of a log of one column was asked already what it is.
+    if (machine_.drive == nullptr && left == Columns{machine_.likely_drive}) return;
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
     question.option = fmt::format("--column '{}=position:{}', say, or --column '{}=velocity:{}'",
                                   left.front()->name, machine_.is_linear() ? "m" : "rad",

@@ -170,6 +170,20 @@ ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecord
 
 }  // namespace
 
+namespace {
+
+// By the first letters of a unit that is not known, as "millisek.", else by the steps.
+std::string likely_unit_of(const LogTime& time) {
+  for (const std::string& word : words_of(time.odd_unit)) {
+    if (word.starts_with("milli")) return "ms";
+    if (word.starts_with("micro") || word.starts_with("mikro")) return "us";
+    if (word.starts_with("nano")) return "ns";
+  }
+  return likely_unit_of_step(time.median_step);
+}
+
+}  // namespace
+
 void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
                   ModelProposal& proposal) {
   constexpr double kFastest = 1e-6;  // s: what moves is not sampled faster
@@ -196,7 +210,7 @@ void propose_time(const LogTime& time, const std::vector<AnswerChoice>& others,
                                     "apart",
                                     time.column, time.unit, time.sample_time)
                               : time.question();
-  const std::string likely = is_doubtful ? "ms" : likely_unit_of_step(time.median_step);
+  const std::string likely = is_doubtful ? "ms" : likely_unit_of(time);
   question.option = fmt::format("--column '{}=time:{}', say", time.column, likely);
   for (const char* unit : {"s", "ms", "us", "ns"}) {
     question.choices.push_back({unit, {fmt::format("{}=time:{}", time.column, unit)}});

@@ -172,6 +172,9 @@ struct ColumnContent {
   std::size_t line = 0;                // of the first word
   std::string word;
   std::vector<WordLines> different;  // words, one more than kMostNames at most
+  // Numbers that are each followed by a blank and a unit: of the first, and how many have it.
+  std::string unit;
+  std::size_t with_unit = 0;
 };
 
 // What programs write in place of a number: R, Python, Excel, and C on Windows.
@@ -198,6 +201,25 @@ void note_word(std::string_view word, std::size_t line, ColumnContent& content) 
   }
 }
 
+// "54.73 Hz", where the fields before it have the same unit, or none is before it.
+bool take_number_with_unit(std::string_view field, std::size_t line, double& number,
+                           ColumnContent& content) {
+  const std::size_t blank = field.find(' ');
+  if (blank == std::string_view::npos || !parse_number(field.substr(0, blank), number)) {
+    return false;
+  }
+  const std::string_view unit = trimmed(field.substr(blank));
+  const bool is_first = content.with_unit == 0 && content.numbers + content.words == 0;
+  if (is_first && (unit == "Hz" || !unit_as_written(unit).empty())) {
+    content.unit = unit;
+    content.line = line;
+    content.word = field;
+  }
+  if (content.unit.empty() || unit != content.unit) return false;
+  ++content.with_unit;
+  return true;
+}
+
 // A field that is empty or says so is a sample that is not there.
 double sample_in(const std::string& path, std::size_t line, const std::string& column,
                  std::string_view field, ColumnContent& content) {
@@ -218,6 +240,7 @@ double sample_in(const std::string& path, std::size_t line, const std::string& c
         fmt::format("{}: line {}, column '{}': '{}' is no time stamp like the first, {}", path,
                     line, column, shortened(std::string(field), kShownOfField), stamps.first()));
   }
+  if (take_number_with_unit(field, line, number, content)) return number;
   note_word(field, line, content);
   return kNone;
 }
@@ -263,6 +286,25 @@ std::string words_of_machines(const std::string& column, const ColumnContent& co
       "; it names {} machines, {}: all rows are taken as one machine's. Put the lines of one of "
       "them into a file by itself, below the titles, and give that",
       count, lines);
+}
+
+// Columns with one unit in all of their fields have that. Where others stand between them, or the
+// title has another unit, such fields are words.
+void take_units_of_fields(std::vector<ColumnContent>& contents, RecordingFile& file) {
+  for (std::size_t k = 0; k < file.columns.size(); ++k) {
+    ColumnContent& content = contents[k];
+    std::string& stated = file.columns[k].unit;
+    if (content.with_unit == 0) continue;
+    const bool is_one = content.numbers + content.words == 0 &&
+                        (stated.empty() || is_same_unit(stated, content.unit));
+    if (is_one) {
+      if (stated.empty()) stated = content.unit;
+      content.numbers = content.with_unit;
+      content.has_numbers = true;
+    } else {
+      content.words += content.with_unit;
+    }
+  }
 }
 
 // Columns of words, as the states of a drive, or of numbers to another base: left out. A word among
@@ -820,6 +862,7 @@ RecordingFile read_csv_recording(const std::string& path, PackedText text) {
             contents, file);
   if (counted) take_counted_time(*counted, file);
   tell_the_rest(named, file);
+  take_units_of_fields(contents, file);
   leave_out_words(contents, file);
   take_stamps(contents, file);
   leave_out_equal_times(file);

@@ -246,7 +246,7 @@ TEST_F(LogDoors, CoarseStampsOfNewMeasurementsAreToldAndTheAdviceWorks) {
   const std::string text =
       table_of({{"time [ms]", coarse}, {"position [rad]", m.position}, {"torque [N m]", m.force}});
   testing::expect_refused([&] { (void)proposed(text); },
-                          "say --column 'time=ignore' --sample-time 0.00199");
+                          "say --column 'time=ignore' --sample-time 0.00199; they are 1.992 ms");
   ProposalRequest request;
   request.sample_time = 0.002;
   const ModelProposal proposal = proposed(text, {"time=ignore"}, request);

@@ -355,6 +355,48 @@ TEST_F(LogVariants, ATimeThatNobodyNamesIsAskedWithItsUnit) {
   EXPECT_TRUE(says(of_motion, "position: 'x' in")) << all_of(of_motion);
 }
 
+TEST_F(LogVariants, WordsForPartsOfASecondAreUnits) {
+  const auto with = [&](const std::string& unit) {
+    return proposed(fmt::format("time ({}),u,speed_rpm\n", unit) +
+                    rows_of(400, [](int k, double u, double y) {
+                      return fmt::format("{},{:.5g},{:.5g}\n", 301 + k, u, y);
+                    }));
+  };
+  for (const char* word : {"millisec", "msecs", "millisecond"}) {
+    EXPECT_TRUE(says(with(word), "samples every 0.001 s")) << all_of(with(word));
+  }
+  for (const char* word : {"microsec", "usecs"}) {
+    EXPECT_TRUE(says(with(word), "samples every 1e-06 s")) << all_of(with(word));
+  }
+  // Words that are not known, but for how they begin.
+  EXPECT_TRUE(says(with("milliseg"), "=time:ms', say")) << all_of(with("milliseg"));
+  EXPECT_TRUE(says(with("mikrosek"), "=time:us', say")) << all_of(with("mikrosek"));
+}
+
+TEST_F(LogVariants, AUnitInEachFieldIsTheColumns) {
+  const RecordingFile file =
+      read("t,f (Hz),v,state\n0,54.7 Hz,1 rpm,1 A\n1,100.9 Hz,,2 B\n2,104 Hz,3.5 rpm,3 C\n");
+  ASSERT_EQ(file.columns.size(), 3U);
+  EXPECT_EQ(file.at("f").values, Eigen::Vector3d(54.7, 100.9, 104.0));
+  EXPECT_EQ(file.at("f").unit, "Hz");
+  EXPECT_EQ(file.at("v").unit, "rpm");
+  EXPECT_DOUBLE_EQ(file.at("v").values(2), 3.5);
+  EXPECT_EQ(file.left_out, std::vector<std::string>{"state"});
+  testing::expect_refused([&] { (void)read("t,v\n0,1 rpm\n1,2\n2,3\n"); }, "'1 rpm' is no number");
+}
+
+// A log of one column holds the drive or the motion: one question, which says what is missing.
+TEST_F(LogVariants, OneColumnIsNotAskedTwice) {
+  const std::string log = "time [s],Output\n" + rows_of(400, [](int k, double u, double) {
+                            return fmt::format("{:.5g},{:.5g}\n", 0.01 * k, u);
+                          });
+  const ModelProposal proposal = proposed(log);
+  ASSERT_EQ(proposal.questions.size(), 1U) << all_of(proposal);
+  EXPECT_TRUE(says(proposal, "Is 'Output' what drives, or what was measured?"));
+  EXPECT_TRUE(says(proposal, "mass: 1 kg m^2; guessed: open until the questions are answered\n"))
+      << all_of(proposal);
+}
+
 TEST_F(LogVariants, WhatNobodyKnowsMayBeASpeed) {
   const ModelProposal asked =
       proposed("time,pwm,foo\n" + rows_of(400, [](int k, double u, double y) {

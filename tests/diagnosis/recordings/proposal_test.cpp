@@ -334,6 +334,8 @@ TEST(ColumnAnswers, WhatIsNoAnswerIsRefused) {
   testing::expect_refused([] { return column_answer("enc=place"); }, "unknown quantity 'place'");
   testing::expect_refused([] { return column_answer("enc=position:parsec"); }, "unknown unit");
   testing::expect_refused([] { return column_answer("enc=position:A"); }, "no unit of a position");
+  testing::expect_refused([] { return column_answer("2=velocity:counts"); },
+                          "'2=velocity:0.0005 turn/s'");
 }
 
 // Files with the same columns are recordings; files that complement each other are one.
