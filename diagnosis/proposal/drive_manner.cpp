@@ -12,6 +12,7 @@
 #include "diagnosis/proposal/motion_choice.hpp"
 #include "diagnosis/signal_faults/counter_wrap.hpp"
 #include "diagnosis/signal_faults/lost_sign.hpp"
+#include "diagnosis/signal_faults/sample_statistics.hpp"
 
 namespace graybox {
 namespace {
@@ -131,6 +132,35 @@ void compare(const LogColumn& drive, const LogColumn& motion, bool& both_ways,
   }
 }
 
+Eigen::VectorXd steps_between(const Eigen::VectorXd& values) {
+  return values.tail(values.size() - 1) - values.head(values.size() - 1);
+}
+
+struct LeastSquares {
+  Eigen::VectorXd values, left;
+
+  LeastSquares(const Eigen::MatrixXd& columns, const Eigen::VectorXd& right)
+      : values(columns.colPivHouseholderQr().solve(right)), left(right - columns * values) {}
+};
+
+// Whether the second differences of a position are a multiple of it, and a constant.
+bool swings_at_one_frequency(const Eigen::VectorXd& position) {
+  constexpr double kLeft = 0.1;
+  const Eigen::VectorXd bends = steps_between(steps_between(position));
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Ones(bends.size(), 2);
+  columns.col(0) = position.segment(1, bends.size());
+  const double deviation = (bends.array() - bends.mean()).matrix().norm();
+  return LeastSquares(columns, bends).left.norm() <= kLeft * deviation;
+}
+
+// A step at the drive's sign, where it has both.
+bool has_both_signs(const Eigen::VectorXd& drive) {
+  constexpr double kFew = 0.05;  // of the rows
+  const auto least = kFew * static_cast<double>(drive.size());
+  return static_cast<double>((drive.array() > 0.0).count()) >= least &&
+         static_cast<double>((drive.array() < 0.0).count()) >= least;
+}
+
 }  // namespace
 
 DriveManner manner_of_drive(const LogColumn& drive, const std::vector<LogRecording>& recordings) {
@@ -180,6 +210,33 @@ std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
   if (n <= kFewest * columns.cols() || !(deviation > 0.0)) return {};
   const Eigen::VectorXd left = drive - columns * columns.colPivHouseholderQr().solve(drive);
   return left.norm() / deviation;
+}
+
+std::optional<double> left_of_position_feedback(const Eigen::VectorXd& drive,
+                                                const Eigen::VectorXd& position) {
+  constexpr Eigen::Index kFewest = 50;
+  constexpr double kOfOthers = 0.25, kOfPosition = 0.5, kOfSteps = 0.5;
+  const Eigen::Index n = drive.size() - 1;
+  if (n < kFewest || position.size() != drive.size() || has_few_levels(drive)) return {};
+  if (!drive.allFinite() || !position.allFinite() || swings_at_one_frequency(position)) return {};
+  const Eigen::VectorXd right = drive.tail(n);
+  const bool has_step = has_both_signs(right);
+  Eigen::MatrixXd columns(n, has_step ? 4 : 3);  // the position, its rate, the step, a constant
+  columns.col(0) = position.tail(n);
+  columns.col(1) = steps_between(position);
+  if (has_step) columns.col(2) = right.array().sign();
+  columns.rightCols(1).setOnes();
+  Eigen::MatrixXd plain = Eigen::MatrixXd::Ones(n, 2);
+  plain.col(0) = columns.col(0);
+  const LeastSquares all(columns, right);
+  const double left = all.left.norm(), deviation = (right.array() - right.mean()).matrix().norm();
+  const bool brakes = all.values(0) < 0.0 && all.values(1) < 0.0;
+  if (!brakes || (has_step && !(all.values(2) > 0.0))) return {};
+  const double of_others = LeastSquares(columns.rightCols(columns.cols() - 1), right).left.norm(),
+               of_position = LeastSquares(plain, right).left.norm();
+  if (!(left <= kOfOthers * of_others) || !(left <= kOfPosition * of_position)) return {};
+  if (!(steps_between(all.left).norm() <= kOfSteps * steps_between(right).norm())) return {};
+  return left / deviation;
 }
 
 std::string doubt_words(const LogColumn& drive, const DriveManner& manner) {

@@ -37,6 +37,15 @@ struct DriveManner {
 [[nodiscard]] std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
                                                      const std::vector<Eigen::VectorXd>& measured);
 
+// The same of a controller that knows the position alone: of the position, its change over one row,
+// and a step at the drive's sign that a dead band asks for. None where a plain motor may do it.
+// The drive of a controller has more than 16 levels, and acts against position and rate. A step
+// goes away from zero. The position takes three quarters of what the others leave, and these half
+// of what it leaves. The drive's steps from row to row follow, too, by half: no machine hears the
+// noise of its encoder. And the position is no swing at one frequency, of which any other is a sum.
+[[nodiscard]] std::optional<double> left_of_position_feedback(const Eigen::VectorXd& drive,
+                                                              const Eigen::VectorXd& position);
+
 // "moves by 2.3 % of its mean and never changes its sign", for a question.
 [[nodiscard]] std::string doubt_words(const LogColumn& drive, const DriveManner& manner);
 

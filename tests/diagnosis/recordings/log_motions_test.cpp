@@ -523,5 +523,49 @@ TEST_F(LogMotions, ADriveMadeFromTheSpeedIsToldWithItsLine) {
   EXPECT_FALSE(says(proposal_of(held_speed(reversed), "u"), words));
 }
 
+// A mass whose encoder has 4096 counts a turn, at rows of 10 ms.
+Rows counted_rows(const std::function<double(double time, double place, double moved)>& drive) {
+  constexpr double kInertia = 0.02, kDamping = 0.05, kDry = 0.02, kStep = 0.01;
+  constexpr double kCount = 2.0 * std::numbers::pi / 4096.0;
+  constexpr int kSteps = 20;
+  Rows rows;
+  double q = 0.0, v = 0.0;
+  for (int k = 0; k < 800; ++k) {
+    const double counted = kCount * std::round(q / kCount);
+    const double moved = k == 0 ? 0.0 : counted - rows.position.back();
+    const double u = drive(kStep * k, counted, moved);
+    rows.time.push_back(kStep * k);
+    rows.position.push_back(counted);
+    rows.force.push_back(u);
+    for (int s = 0; s < kSteps; ++s) {
+      v += (u - kDamping * v - kDry * std::tanh(v / 0.01)) / kInertia * kStep / kSteps;
+      q += v * kStep / kSteps;
+    }
+  }
+  return rows;
+}
+
+// u = P e - D de, beside a slow offset, and with a step at its sign that skips a dead band.
+TEST_F(LogMotions, ADriveMadeFromThePositionAndItsRateIsTold) {
+  const auto proposal_of = [&](const Rows& rows) {
+    return proposed({{"time [s]", rows.time}, {"angle [rad]", rows.position}, {"pwm", rows.force}});
+  };
+  const std::string words = "'pwm' (drive) follows from 'angle' and its rate, to ";
+  const ModelProposal held = proposal_of(counted_rows([](double t, double place, double moved) {
+    const double u = 3.0 * (0.5 - place) - 20.0 * moved + 0.004 * std::sin(t);
+    return u + (u > 0.0 ? 0.1 : u < 0.0 ? -0.1 : 0.0);
+  }));
+  EXPECT_TRUE(says(held, words)) << all_of(held);
+  EXPECT_TRUE(says(held, "a controller computed it")) << all_of(held);
+  // What drives by itself: steps of two levels, and tones.
+  const auto two_levels = [](double t, double, double) {
+    return std::sin(3.0 * t) > 0.3 ? 0.5 : -0.3;
+  };
+  const auto tones = [](double t, double, double) { return two_sines(t); };
+  for (const Rows& rows : {counted_rows(two_levels), counted_rows(tones)}) {
+    EXPECT_FALSE(says(proposal_of(rows), "a controller computed it")) << all_of(proposal_of(rows));
+  }
+}
+
 }  // namespace
 }  // namespace graybox
