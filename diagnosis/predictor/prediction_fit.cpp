@@ -1,10 +1,7 @@
 #include "diagnosis/predictor/prediction_fit.hpp"
 
-#include <omp.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 
 #include "diagnosis/predictor/left_out_blocks.hpp"
@@ -170,29 +167,14 @@ bool PredictionFitter::residuals(const ExtendedLumpedModel& model, const VectorX
                                  const InitialStates& initials, const MatrixXd& given,
                                  VectorXd& result) const {
   const std::vector<Index> first = first_rows();
-  const auto runs = std::ssize(task_->runs);
   result.resize(first.back());
-  const MatrixXd gain = [&] {
-    Predictor predictor = predictor_of(model);
-    return gain_for(model, given, predictor);
-  }();
-  std::atomic<bool> is_bounded = true;
-  const bool is_shared = threads_ > 1 && runs > 1 && omp_in_parallel() == 0;
-#pragma omp parallel num_threads(threads_) if (is_shared)
-  {
-    Runner runner = runner_of(model);
-#pragma omp for schedule(dynamic)
-    for (std::ptrdiff_t r = 0; r < runs; ++r) {
-      const auto at = static_cast<std::size_t>(r);
-      if (!is_bounded) continue;
-      if (run_one(at, model, initials, gain, false, runner)) {
-        weigh(at, runner.errors, weights, result.segment(first[at], first[at + 1] - first[at]));
-      } else {
-        is_bounded = false;
-      }
-    }
+  Runner runner = runner_of(model);
+  const MatrixXd gain = gain_for(model, given, runner.predictor);
+  for (std::size_t r = 0; r < task_->runs.size(); ++r) {
+    if (!run_one(r, model, initials, gain, false, runner)) return false;
+    weigh(r, runner.errors, weights, result.segment(first[r], first[r + 1] - first[r]));
   }
-  return is_bounded;
+  return true;
 }
 
 VectorXd PredictionFitter::errors_by_noise(const PredictionFit& fit, const VectorXd& weights,
