@@ -79,7 +79,7 @@ TEST(VerdictWords, RoundTheValueToTheErrorsTwoDigits) {
   EXPECT_EQ(estimate_words({"phase", "rad", 0.1, 2.0}), "not determined (0.1 ± 2.0 rad)");
   EXPECT_EQ(estimate_words({"v_t", "rad/s", 0.0018, 9.9e5}),
             "not determined (fitted at 0.0018 rad/s)");
-  EXPECT_EQ(estimate_words({"x", "rad", 0.0, 0.0}), "0 rad (no standard error)");
+  EXPECT_EQ(estimate_words({"x", "rad", 0.0, 0.0}), "0 rad (held)");
   EXPECT_EQ(estimate_words({"x", "rad", 3.0, std::nan("")}), "3 rad (no standard error)");
   EXPECT_EQ(estimate_words({"lever", "m", 0.81863, std::nan(""), 0.0123}), "0.819 ± 0.012 m");
   EXPECT_EQ(estimate_words({"anchor", "m", 1.0, std::nan(""), std::nan(""), true}),
