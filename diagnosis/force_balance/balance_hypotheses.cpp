@@ -111,10 +111,10 @@ PlacedLaw BalanceHypotheses::placed(std::size_t hypothesis, std::vector<double> 
 
 std::string BalanceHypotheses::trouble_with(const PlacedLaw& law) const {
   if (!is_within_ranges(law)) return "a law's parameter leaves its range";
-  if (!keeps_order(*law.entry, law.parameters)) {
-    return law.entry->name == "bouc_wen"
-               ? "a spring that yields gives energy, or yields at once (its shape or exponent)"
-               : "friction at rest is less than when sliding: no Stribeck effect";
+  // A spring that yields may come to a shape that it can have. In the end it must have one
+  // (law_rejection.hpp).
+  if (law.entry->name != "bouc_wen" && !keeps_order(*law.entry, law.parameters)) {
+    return "friction at rest is less than when sliding: no Stribeck effect";
   }
   if (!slides(law)) return "a friction never slides: it is a damper here";
   if (!comes_back(law)) return "less than a wave of a ripple was recorded: it is a spring here";

@@ -12,6 +12,7 @@
 #include "diagnosis/plausibility/plausibility.hpp"
 #include "diagnosis/search/candidate_ranking.hpp"
 #include "diagnosis/search/law_pruning.hpp"
+#include "problems/laws/law_catalogue.hpp"
 
 namespace graybox {
 namespace {
@@ -76,8 +77,15 @@ std::optional<HeldOutEffect> effect_where_it_acts(const SearchState& state, std:
 }
 
 // What no machine has, by three standard errors: friction that drives, or a level of which the
-// recorded motion shows but the foot, which makes another curve of the law. Empty: nothing.
+// recorded motion shows but the foot, which makes another curve of the law; or sizes out of order.
+// Empty: nothing.
 std::string impossible_words(const SearchState& state, std::size_t law) {
+  const FittedLaw& fitted = state.result.after.laws[law];
+  const LawEntry* const entry = find_law(state.hypothesis(fitted.hypothesis).law, false);
+  if (entry != nullptr && entry->parameters.size() == fitted.parameters.size() &&
+      !keeps_order(*entry, fitted.values())) {
+    return "no machine has such sizes together (a spring that yields at once, or gives energy)";
+  }
   const FittedPhysics physics = fit_physics(*state.problem, state.result.after);
   const PlausibilityLimits limits;
   for (const PhysicalQuantity& quantity : physics.quantities) {

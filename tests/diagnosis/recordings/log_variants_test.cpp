@@ -375,7 +375,7 @@ TEST_F(LogVariants, WordsForPartsOfASecondAreUnits) {
 
 TEST_F(LogVariants, AUnitInEachFieldIsTheColumns) {
   const RecordingFile file =
-      read("t,f (Hz),v,state\n0,54.7 Hz,1 rpm,1 A\n1,100.9 Hz,,2 B\n2,104 Hz,3.5 rpm,3 C\n");
+      read("t,f,v,state\n0,54.7 Hz,1 rpm,1 A\n1,100.9 Hz,,2 B\n2,104 Hz,3.5 rpm,3 C\n");
   ASSERT_EQ(file.columns.size(), 3U);
   EXPECT_EQ(file.at("f").values, Eigen::Vector3d(54.7, 100.9, 104.0));
   EXPECT_EQ(file.at("f").unit, "Hz");
