@@ -136,10 +136,12 @@ std::vector<std::string> confounded_sizes(const PredictionOutcome& from) {
   }
   for (const Doubt& doubt : doubts) {
     sentences.push_back(fmt::format(
-        "{} is {:.3g} {} only if {} {}: beside {} it is {:.3g} ± {:.2g}, and these recordings do "
-        "not tell which. {}.",
+        "{} is {:.3g} {} only if {} {}: beside {} it is {:.3g}{}, and these recordings do not tell "
+        "which. {}.",
         doubt.size.name, doubt.size.value, doubt.size.unit, doubt.place, doubt.absences,
-        doubt.worst.beside, doubt.size.other, doubt.size.error, doubt.worst.remedy));
+        doubt.worst.beside, doubt.size.other,
+        std::isfinite(doubt.size.error) ? fmt::format(" ± {:.2g}", doubt.size.error) : "",
+        doubt.worst.remedy));
   }
   return sentences;
 }

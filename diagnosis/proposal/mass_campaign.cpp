@@ -355,8 +355,11 @@ void relate_encoders(MassMachine& machine, CampaignDraft& draft, ModelProposal& 
   if (slope > 0.0 && !has_gear) return;
   const double factor = (has_gear ? 1.0 / size : 1.0) * (slope < 0.0 ? -1.0 : 1.0);
   machine.motions[1].factor *= factor;
-  DraftChannel& channel = draft.channels[2];
-  if (!channel.gain.empty()) return;
+  const auto of_load = std::ranges::find_if(draft.channels, [&](const DraftChannel& each) {
+    return each.is == "output" && each.column == machine.motions[1].column->name;
+  });
+  if (of_load == draft.channels.end() || !of_load->gain.empty()) return;
+  DraftChannel& channel = *of_load;
   const Unit* unit = find_unit(channel.unit);
   const std::string base(unit->base);
   channel.gain = fmt::format("{{value: {:.6g}, unit: {}/{}}}",

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -48,6 +49,12 @@ void keep_valid_samples(const PreprocessData& context, const ValidSamples& step)
   for (const SignalPiece& piece : data.pieces) {
     before += piece.time.size();
     after += add_stretches(piece, channels, step, kept);
+  }
+  if (kept.empty() && !std::isfinite(step.lowest * step.highest)) {
+    context.fail(
+        fmt::format("no {} samples in a row have a value of {}: too many are missing; log "
+                    "it in every row, or thin the log to the rows that have it",
+                    kShortestPiece, fmt::join(step.channels, ", ")));
   }
   if (kept.empty()) {
     context.fail(

@@ -290,6 +290,25 @@ Motion free_swing(double hertz, bool is_load) {
   return result;
 }
 
+// An encoder that counts the other way has its sign in the campaign, with a drive and without one.
+TEST_F(LogMachines, ALoadThatCountsTheOtherWayHasItsSignWithoutADrive) {
+  ProposalRequest request;
+  request.machine = ProposedMachine::kTwoMasses;
+  request.no_drive = true;
+  const Motion motor = free_swing(2.0, false);
+  const std::vector<double> turned = mapped(motor.position, [](double q) { return -q; });
+  const ModelProposal both =
+      written_as_asked({write("log.csv", {{"time [s]", motor.time},
+                                          {"motor angle [rad]", motor.position},
+                                          {"load angle [rad]", turned}})},
+                       request);
+  const std::size_t load = both.campaign_text.find("\"load angle\"");
+  ASSERT_NE(load, std::string::npos) << both.campaign_text;
+  const std::string line =
+      both.campaign_text.substr(load, both.campaign_text.find('\n', load) - load);
+  EXPECT_NE(line.find("gain: {value: -1, unit: rad/rad}"), std::string::npos) << line;
+}
+
 TEST_F(LogMachines, TwoMassesThatNothingDrivesStartAtTheirSwing) {
   ProposalRequest request;
   request.machine = ProposedMachine::kTwoMasses;
