@@ -16,11 +16,11 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kNothing = 0.02, kShare = 0.2, kAlike = 1.5, kChirp = 2.5;
-// Of a ramp through zero, the slower quarter of a way has an eighth of its squares, and less behind
-// a dead band.
+// The slower quarter of a ramp through zero has an eighth of the squares of its way, and less
+// behind a dead band.
 constexpr double kShareOfRamp = 0.05;
 constexpr double kEnough = 0.25;  // of what the best split tells
-constexpr Index kFewestOfBlock = 40, kMostBlocks = 20;
+constexpr Index kFewestOfBlock = 40, kMostBlocks = 20, kQuarters = 4;
 constexpr Index kFewestOfStroke = 250;    // of a block where the axis turns round once or twice
 constexpr double kFewestCrossings = 4.0;  // of a quarter
 
@@ -388,7 +388,6 @@ std::vector<SplitTrial> fair_splits(const Added& added) {
 // Whether quarters give both roles something of both ways, where the axis goes one way in each half
 // and the log is too short for more blocks: one sweep through zero.
 bool has_fair_quarters(const Added& added) {
-  constexpr Index kQuarters = 4;
   return turns_between_halves(added) && added.drive.size() / kQuarters >= kFewestOfBlock &&
          fairly_told(added, kQuarters, kShareOfRamp) >= kNothing;
 }
@@ -446,7 +445,7 @@ KeptOutBlocks kept_out_blocks(const VectorXd& drive, const VectorXd& motion, boo
   split.count = fewest_blocks(trials);
   if (trials.empty() && has_fair_quarters(added)) {
     split.is_fair = true;
-    split.count = 4;
+    split.count = kQuarters;
   }
   return split;
 }

@@ -51,7 +51,7 @@ VectorXd as_recorded(const LogColumn& column) {
   return column.values / std::abs(column.words.unit_factor);
 }
 
-// In all recordings in which the copy moves: the factor in the first of them.
+// The factor in the first recording in which the copy moves. None where it is no copy in another.
 std::optional<double> factor_in_all(const std::vector<LogRecording>& recordings,
                                     const LogColumn& copy, const LogColumn& original) {
   std::optional<double> factor;
@@ -69,7 +69,7 @@ std::optional<double> factor_in_all(const std::vector<LogRecording>& recordings,
   return factor;
 }
 
-// In all recordings.
+// Makes a column kOther in all recordings.
 void set_aside(std::vector<LogRecording>& recordings, std::size_t file, const std::string& name,
                const std::string& why) {
   for (LogRecording& recording : recordings) {

@@ -52,8 +52,8 @@ std::optional<Grid> grid_of(const std::vector<double>& levels) {
   return Grid{step, 2.0 * most / (counts.back() * step)};
 }
 
-// The same of levels that were rounded to `printed`, so that their steps are of two sizes: least
-// squares of the levels on their counts, which leave no more than the rounding.
+// The grid of levels that were rounded to `printed`, so that their steps are of two sizes. Least
+// squares of the levels on their counts leave no more than the rounding.
 std::optional<Grid> rounded_grid(const std::vector<double>& levels, double printed) {
   constexpr double kCoarser = 5.0;      // times the print, so that chance makes no grid
   constexpr double kNext = 1.5;         // of the smallest step: one count, too

@@ -428,7 +428,7 @@ void PredictionHypotheses::extend_friction(const LawExtension& plain,
   }
 }
 
-// Beside a damping of the model itself it is what the drive adds to that.
+// The driven damping is what the drive adds to a damping of the model itself.
 void PredictionHypotheses::extend_driven(const LawExtension& plain,
                                          const ExtendedLumpedModel& present, const MotionAt& at,
                                          std::vector<LawExtension>& list) const {

@@ -291,7 +291,7 @@ void PredictionReasons::add_whole_run(std::vector<VerdictReason>& list) const {
   const double left = 100.0 * from_.final->rest().unexpected_in_the_end();
   list.push_back(test("error over a whole recording, beyond what noise leaves, % of the signal",
                       left, kWholeLimit, left <= kWholeLimit,
-                      "record longer: what is missing shows only in time, and no law was told"));
+                      "record longer: what is missing shows only in time"));
 }
 
 void PredictionReasons::add_growth(double most_of_small, std::vector<VerdictReason>& list) const {

@@ -113,7 +113,7 @@ class PredictionFitter {
                const Eigen::MatrixXd& gain, bool with_states, Runner& runner) const;
   void weigh(std::size_t r, const Eigen::MatrixXd& errors, const Eigen::VectorXd& weights,
              Eigen::Ref<Eigen::VectorXd> rows) const;
-  // Of each run among the residuals, and their number.
+  // Where each run begins among the residuals, and how many these are.
   [[nodiscard]] std::vector<Eigen::Index> first_rows() const;
   void difference(const Point& at, std::span<const std::size_t> free,
                   const Eigen::VectorXd& weights, double share, Eigen::Index column,

@@ -37,8 +37,9 @@ struct DriveManner {
 [[nodiscard]] std::optional<double> left_of_feedback(const Eigen::VectorXd& drive,
                                                      const std::vector<Eigen::VectorXd>& measured);
 
-// The same of a controller that knows the position alone: of the position, its change over one row,
-// and a step at the drive's sign that a dead band asks for. None where a plain motor may do it.
+// The share that a controller of the position leaves of the drive: by the position, its change over
+// one row, and a step at the drive's sign that a dead band asks for. None where a plain motor may
+// do it.
 // The drive of a controller has more than 16 levels, and acts against position and rate. A step
 // goes away from zero. The position takes three quarters of what the others leave, and these half
 // of what it leaves. The drive's steps from row to row follow, too, by half: no machine hears the

@@ -131,7 +131,7 @@ class MotionSearch {
           machine_.log.files.front().string(), what, still_columns(machine_.columns),
           words_of_accelerations(machine_.columns)));
     }
-    // Of a log of one column was asked already what it is.
+    // What the only column of a log is was asked already.
     if (machine_.drive == nullptr && left == Columns{machine_.likely_drive}) return;
     OpenQuestion question = which_of(left, "measured " + what + " or velocity");
     question.option = fmt::format("--column '{}=position:{}', say, or --column '{}=velocity:{}'",

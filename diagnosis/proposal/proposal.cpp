@@ -172,7 +172,7 @@ ModelProposal propose_from(const ProposalRequest& request, std::vector<LogRecord
 
 namespace {
 
-// By the first letters of a unit that is not known, as "millisek.", else by the steps.
+// The unit that the first letters of an unknown one tell, as "millisek.", else the steps.
 std::string likely_unit_of(const LogTime& time) {
   for (const std::string& word : words_of(time.odd_unit)) {
     if (word.starts_with("milli")) return "ms";

@@ -40,9 +40,9 @@ std::vector<Eigen::VectorXd> ways_of(const LogColumn& position,
   return ways;
 }
 
-// Of two joints' velocities, in all logs together; 0 where one stands still.
-double correlation(const std::vector<Eigen::VectorXd>& one,
-                   const std::vector<Eigen::VectorXd>& other) {
+// The cosine between what two joints do, in all logs together; 0 where one stands still.
+double cosine_between(const std::vector<Eigen::VectorXd>& one,
+                      const std::vector<Eigen::VectorXd>& other) {
   double product = 0.0, squares = 0.0, squares_of_other = 0.0;
   for (std::size_t k = 0; k < one.size(); ++k) {
     product += one[k].dot(other[k]);
@@ -56,10 +56,10 @@ double correlation(const std::vector<Eigen::VectorXd>& one,
 // Joints that move in proportion to the first of them.
 struct JointsTogether {
   std::vector<std::size_t> joints;
-  double least = 1.0;  // correlation
+  double least = 1.0;  // cosine
 };
 
-// At a correlation r the sizes of two joints are told 1/sqrt(1 - r^2) times worse than where each
+// At a cosine r the sizes of two joints are told 1/sqrt(1 - r^2) times worse than where each
 // moves by itself: fivefold at 0.98, of what little is a joint's own motion.
 std::vector<JointsTogether> joints_together(const LoggedRobot& robot,
                                             const std::vector<LogRecording>& recordings) {
@@ -71,7 +71,7 @@ std::vector<JointsTogether> joints_together(const LoggedRobot& robot,
     std::vector<Eigen::VectorXd> ways = ways_of(robot.position(joint), recordings);
     bool is_new = true;
     for (std::size_t k = 0; k < groups.size() && is_new; ++k) {
-      const double found = std::abs(correlation(ways_of_first[k], ways));
+      const double found = std::abs(cosine_between(ways_of_first[k], ways));
       if (!(found > kInProportion)) continue;
       groups[k].joints.push_back(joint);
       groups[k].least = std::min(groups[k].least, found);

@@ -19,8 +19,8 @@ constexpr double kFewestWithin = 0.3;          // of all steps
 constexpr double kMostChanges = 0.1;           // of all, within bursts
 constexpr std::size_t kFewestPauses = 12;
 
-// Of the median step. A logger that is late writes each row at its own time, and up to this part of
-// a step its samples count as even ones: what is nearer to a row than that was not due.
+// This part of the median step is allowed to a logger that is late: up to it samples count as even
+// ones. What is nearer to a row than that was not due.
 constexpr double kNotDue = 0.1;
 constexpr std::size_t kOneIn = 50;  // steps at most is so short
 

@@ -21,7 +21,7 @@ constexpr std::array<std::string_view, 5> kDry{"coulomb", "asymmetric_coulomb", 
                                                "sublinear_friction", "dahl"};
 constexpr std::array<std::string_view, 3> kSmooth{"viscous", "asymmetric_viscous",
                                                   "quadratic_drag"};
-// Of these no one curve over the speed tells the force.
+// No one curve over the speed tells the force of these.
 constexpr std::array<std::string_view, 4> kWithoutCurve{"lugre", "bouc_wen", "play_and_slip",
                                                         "driven_viscous"};
 
